@@ -43,14 +43,16 @@ VELLUM_CONST uint kFindingNumber = 9u;       // the same, without an index buffe
 VELLUM_CONST uint kFindingNotSpecial = 10u;  // an index where there is no micromap
 VELLUM_CONST uint kFindingIndexBuffer = 11u; // about a geometry: the first triangle whose index is outside the buffer
 // About an instance; value 0, 1: its reference.
-VELLUM_CONST uint kFindingDisable = 12u;   // disables micromaps of a structure that does not allow it
-VELLUM_CONST uint kFindingFeature = 13u;   // micromap flags without the feature
-VELLUM_CONST uint kFindingMicromap = 14u;  // names a micromap
-VELLUM_CONST uint kFindingTopLevel = 15u;  // names a top-level structure
-VELLUM_CONST uint kFindingDestroyed = 16u; // names a structure that was destroyed
+VELLUM_CONST uint kFindingDisable = 12u;     // disables micromaps of a structure that does not allow it
+VELLUM_CONST uint kFindingFeature = 13u;     // micromap flags without the feature
+VELLUM_CONST uint kFindingMicromap = 14u;    // names a micromap
+VELLUM_CONST uint kFindingTopLevel = 15u;    // names a top-level structure
+VELLUM_CONST uint kFindingDestroyed = 16u;   // names a structure that was destroyed
+VELLUM_CONST uint kFindingNoStructure = 17u; // names nothing
 
 // --- record of a structure: what the last build or copy that the device executed put there (4 words) ---
-// word 0: kRecord*, word 1: flags of the build, word 2: triangles of a micromap
+// word 0: kRecord*, word 1: flags of the build, word 2: triangles of a micromap; of record 0, which is no structure's,
+// word 3: 1 if the table has all references that the application got
 VELLUM_CONST uint kStructureRecordWords = 4u;
 VELLUM_CONST uint kRecordUnknown = 0u; // never built, or by a command that validation does not follow
 VELLUM_CONST uint kRecordMicromap = 1u;

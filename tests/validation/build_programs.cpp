@@ -54,6 +54,38 @@ void extUsage(Gpu &gpu, bool wrong)
     recordUnlessWrong(gpu, true, [&](VkCommandBuffer commands) { gpu.vk().CmdBuildMicromapsEXT(commands, 1, &info); });
 }
 
+// One build, whose scratch memory begins inside of what it builds.
+template <bool isMicromap>
+void scratchInTarget(Gpu &gpu, bool wrong)
+{
+    const Buffer both(gpu, 262144,
+                      micromapStorageUsage(gpu) | VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR |
+                          VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    const VkDeviceAddress scratch = (both.address() + 255) / 256 * 256 + (wrong ? 256 : 131072);
+    if constexpr (isMicromap) {
+        MicromapInput input;
+        input.add(6, kFourState, std::vector<uint8_t>(4096, 1)); // more than 256 bytes
+        const Micromap like(gpu, std::move(input));
+        const MicromapHandle target = createMicromap(gpu, both.handle(), both.address(), 0, like.size());
+        VkMicromapBuildInfoEXT info = like.buildInfo();
+        info.scratchData.deviceAddress = scratch;
+        recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+            recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{info, target}});
+        });
+        destroyMicromap(gpu, target);
+    } else {
+        Blas blas(gpu);
+        blas.placeIn(both.handle(), 0);
+        blas.prepare({Geometry{.vertices = triangleRow(16)}});
+        VkAccelerationStructureBuildGeometryInfoKHR info = blas.buildInfo();
+        info.scratchData.deviceAddress = scratch;
+        const VkAccelerationStructureBuildRangeInfoKHR *ranges = blas.ranges();
+        recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+            gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+        });
+    }
+}
+
 // Two builds by one command: what the second one shares with the first.
 enum class Shared { Targets, Scratches, TargetAndScratch };
 template <Shared shared>
@@ -283,6 +315,11 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkCmdBuildMicromapsEXT-dstMicromap-11649", Api::Ext, kNeedsNothing, extOverlap<Shared::Targets>},
     {"VUID-vkCmdBuildMicromapsEXT-dstMicromap-11649", Api::Ext, kNeedsNothing, sameTarget, "Same"},
     {"VUID-vkCmdBuildMicromapsEXT-dstMicromap-11650", Api::Ext, kNeedsNothing, extOverlap<Shared::TargetAndScratch>},
+    {"VUID-vkCmdBuildMicromapsEXT-dstMicromap-11650", Api::Ext, kNeedsNothing, scratchInTarget<true>, "Own"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-03703", Api::Khr, kNeedsNothing,
+     scratchInTarget<true>, "Own"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-03703", Api::Ext, kNeedsNothing,
+     scratchInTarget<false>, "OwnBottom"},
     {"VUID-vkCmdBuildMicromapsEXT-scratchData-11651", Api::Ext, kNeedsNothing, extOverlap<Shared::Scratches>},
 
     {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryCount-11560", Api::Khr, kNeedsNothing,

@@ -4,6 +4,8 @@
 
 #include <optional>
 
+#include "gpu/tracer.h"
+
 namespace vt
 {
 namespace
@@ -258,6 +260,172 @@ void referencesDestroyed(Gpu &gpu, bool wrong)
     buildWith(gpu, one, By::Host);
 }
 
+// Memory with zeros, which is no structure.
+void referencesNothing(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {indexedTriangle()});
+    const Buffer zeros(gpu, 65536, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    VkAccelerationStructureInstanceKHR one = instance(blas, {}, 0);
+    if (wrong)
+        one.accelerationStructureReference = zeros.address();
+    buildWith(gpu, one, By::Host);
+}
+
+// --- Memory that is freed, and objects that are destroyed before rays are traced ---
+
+// A buffer, which can be destroyed before its memory, and memory, which can be freed before the buffer.
+class Storage
+{
+public:
+    explicit Storage(Gpu &gpu) : gpu_(gpu)
+    {
+        const auto info = vkInit<VkBufferCreateInfo>(
+            {.size = 65536,
+             .usage = micromapStorageUsage(gpu) | VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR |
+                      VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT});
+        VT_CHECK(vkCreateBuffer(gpu.device(), &info, nullptr, &buffer_));
+        memory_ = gpu.bindMemory(buffer_, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT);
+        const auto addressInfo = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer_});
+        address_ = vkGetBufferDeviceAddress(gpu.device(), &addressInfo);
+    }
+    Storage(const Storage &) = delete;
+    Storage &operator=(const Storage &) = delete;
+    ~Storage()
+    {
+        destroyBuffer();
+        freeMemory();
+    }
+    void destroyBuffer() { vkDestroyBuffer(gpu_.device(), std::exchange(buffer_, VK_NULL_HANDLE), nullptr); }
+    void freeMemory() { vkFreeMemory(gpu_.device(), std::exchange(memory_, VK_NULL_HANDLE), nullptr); }
+    [[nodiscard]] VkBuffer buffer() const { return buffer_; }
+    [[nodiscard]] VkDeviceAddress address() const { return address_; }
+
+private:
+    Gpu &gpu_;
+    VkBuffer buffer_ = VK_NULL_HANDLE;
+    VkDeviceMemory memory_ = VK_NULL_HANDLE;
+    VkDeviceAddress address_ = 0;
+};
+
+// With VK_KHR_opacity_micromap the micromap is made by the address, without its buffer.
+enum class Loss { Buffer, Memory };
+template <Loss loss>
+void targetLosesMemory(Gpu &gpu, bool wrong)
+{
+    const Micromap like(gpu, oneTriangle());
+    Storage storage(gpu);
+    const MicromapHandle micromap = createMicromap(gpu, storage.buffer(), storage.address(), 0, like.size());
+    if (wrong)
+        loss == Loss::Buffer ? storage.destroyBuffer() : storage.freeMemory();
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{like.buildInfo(), micromap}});
+    });
+    destroyMicromap(gpu, micromap);
+}
+
+// A command by address, whose buffer is destroyed before it is executed. Its memory is not.
+template <auto record>
+void destroyedData(Gpu &gpu, bool wrong)
+{
+    Micromap micromap(gpu, oneTriangle());
+    micromap.build();
+    Storage storage(gpu);
+    const VkDeviceAddress address = (storage.address() + 255) / 256 * 256;
+    const VkCommandBuffer commands = gpu.begin();
+    record(gpu, commands, address, micromap.handle());
+    gpu.end(commands);
+    if (wrong)
+        storage.destroyBuffer();
+    gpu.execute(commands);
+    vkFreeCommandBuffers(gpu.device(), gpu.pool(), 1, &commands);
+}
+void fill(Gpu &gpu, VkCommandBuffer commands, VkDeviceAddress address, const MicromapHandle &)
+{
+    const VkDeviceAddressRangeKHR range{address, 64};
+    gpu.vk().CmdFillMemoryKHR(commands, &range, VK_ADDRESS_COMMAND_UNKNOWN_STORAGE_BUFFER_USAGE_BIT_KHR, 0);
+}
+void save(Gpu &gpu, VkCommandBuffer commands, VkDeviceAddress address, const MicromapHandle &micromap)
+{
+    recordMicromapToMemory(gpu, commands, micromap, address);
+}
+
+std::vector<Ray> oneRay()
+{
+    return {Ray{.origin = {0.3f, 0.3f, 1}}};
+}
+
+// A structure is destroyed, or its buffer is, while a top-level structure names it. In the right program that is built
+// again.
+enum class Lost { Structure, Buffer };
+template <Lost what>
+void tracesDestroyed(Gpu &gpu, bool wrong)
+{
+    Storage storage(gpu);
+    const Blas kept(gpu, {indexedTriangle()});
+    std::optional<Blas> blas;
+    blas.emplace(gpu);
+    blas->placeIn(storage.buffer(), 0);
+    blas->build({indexedTriangle()});
+    Tlas tlas(gpu, {instance(kept, {}, 0), instance(*blas, {2, 0, 0}, 0)});
+    if (what == Lost::Structure)
+        blas.reset();
+    else
+        storage.destroyBuffer();
+    if (!wrong)
+        tlas.build(std::array{instance(kept, {}, 0), instance(kept, {2, 0, 0}, 0)});
+    Tracer(gpu).trace(tlas, oneRay());
+}
+
+// The structure in the descriptor is destroyed after the command was recorded.
+void tracesInDestroyed(Gpu &gpu, bool wrong)
+{
+    const Storage storage(gpu);
+    const Blas blas(gpu, {indexedTriangle()});
+    std::optional<Tlas> tlas;
+    tlas.emplace(gpu);
+    tlas->placeIn(storage.buffer(), 0);
+    tlas->build(std::array{instance(blas, {}, 0)});
+    Tracer tracer(gpu);
+    tracer.prepare(*tlas, oneRay());
+    const VkCommandBuffer commands = gpu.begin();
+    tracer.bind(commands);
+    tracer.dispatch(commands);
+    gpu.end(commands);
+    if (wrong)
+        tlas.reset();
+    gpu.execute(commands);
+    vkFreeCommandBuffers(gpu.device(), gpu.pool(), 1, &commands);
+}
+
+// The micromap of a geometry is destroyed, which "the application must not" do "until ray traversal has concluded"
+// (VkMicromapBuildSizesInfoEXT::discardable).
+template <typename Attached>
+void tracesWithDestroyedMicromap(Gpu &gpu, bool wrong)
+{
+    Micromap like(gpu, oneTriangle());
+    like.build();
+    SharedMemory memory(gpu);
+    const MicromapHandle micromap = memory.create(0, like.size());
+    const Blas blas(
+        gpu, {Geometry{.vertices = triangleRow(1),
+                       .micromap = Attachment{.micromap = &like, .indexType = VK_INDEX_TYPE_UINT32, .indices = {0}}}});
+    Build build(gpu, blas);
+    auto given = *static_cast<const Attached *>(build.geometry.geometry.triangles.pNext);
+    build.geometry.geometry.triangles.pNext = &given;
+    if constexpr (std::is_same_v<decltype(given.micromap), VkMicromapEXT>)
+        given.micromap = micromap.ext;
+    else
+        given.micromap = micromap.khr;
+    gpu.submit([&](VkCommandBuffer commands) {
+        recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{like.buildInfo(), micromap}});
+    });
+    gpu.submit([&](VkCommandBuffer commands) { build.record(commands); });
+    const Tlas tlas(gpu, {instance(blas, {}, 0)});
+    if (wrong)
+        memory.destroy(micromap);
+    Tracer(gpu).trace(tlas, oneRay());
+}
+
 #define ADDRESS(member) [](Build &build) -> VkDeviceAddress & { return build.member.deviceAddress; }
 #define VERTICES ADDRESS(geometry.geometry.triangles.vertexData)
 #define INDICES ADDRESS(geometry.geometry.triangles.indexData)
@@ -337,6 +505,24 @@ const WrongProgram kPrograms[] = {
      "Destroyed"},
     {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-12281", Api::Khr, kNeedsEmulation,
      referencesMicromap<By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12281", Api::Ext, kNeedsEmulation, referencesNothing, "Nothing"},
+
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03707", Api::Khr, kNeedsNothing, targetLosesMemory<Loss::Buffer>,
+     "BufferDestroyed"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03707", Api::Khr, kNeedsNothing, targetLosesMemory<Loss::Memory>,
+     "MemoryFreed"},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-07508", Api::Ext, kNeedsNothing, targetLosesMemory<Loss::Memory>,
+     "MemoryFreed"},
+    {"VUID-VkDeviceAddressRangeKHR-address-11365", Api::Khr, kNeedsAddressCommands, destroyedData<fill>,
+     "DestroyedLater"},
+    {"VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536", Api::Ext, kNeedsNothing, destroyedData<save>, "Destroyed"},
+    {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739", Api::Khr, kNeedsNothing, destroyedData<save>,
+     "Destroyed"},
+    {"trace-destroyed", Api::Ext, kNeedsNothing, tracesDestroyed<Lost::Structure>, "Structure"},
+    {"trace-destroyed", Api::Khr, kNeedsNothing, tracesDestroyed<Lost::Buffer>, "Buffer"},
+    {"trace-destroyed", Api::Khr, kNeedsNothing, tracesInDestroyed, "TopLevel"},
+    {"trace-destroyed", Api::Ext, kNeedsEmulation, tracesWithDestroyedMicromap<ExtAttached>, "MicromapExt"},
+    {"trace-destroyed", Api::Khr, kNeedsNothing, tracesWithDestroyedMicromap<KhrAttached>, "Micromap"},
 };
 
 #undef ADDRESS

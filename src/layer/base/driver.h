@@ -30,6 +30,7 @@ struct EnabledFeatures {
     bool rayQueries = false;      // VkPhysicalDeviceRayQueryFeaturesKHR::rayQuery
     bool rayTracingPipelines = false;
     bool pipelineMicromaps = false; // VK_ARM_pipeline_opacity_micromap
+    bool otherStructures = false;   // an extension that may build acceleration structures by commands of its own
 
     [[nodiscard]] bool any() const { return ext || khr || addressCommands || pipelineMicromaps; }
     [[nodiscard]] bool anyFeature() const { return extFeature || khrFeature; }

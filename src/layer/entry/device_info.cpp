@@ -34,6 +34,7 @@ EnabledFeatures enabledFeatures(const VkDeviceCreateInfo &info)
     enabled.khr = enablesExtension(info, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
     enabled.addressCommands = enablesExtension(info, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
     enabled.pipelineMicromaps = enablesExtension(info, VK_ARM_PIPELINE_OPACITY_MICROMAP_EXTENSION_NAME);
+    enabled.otherStructures = mayBuildOtherStructures(info);
     if (const auto *features = featuresIn<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
             info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT)) {
         enabled.extFeature = features->micromap;

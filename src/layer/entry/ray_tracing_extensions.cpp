@@ -137,4 +137,11 @@ bool isUnknownRayTracing(const char *name)
            std::ranges::find(kCompatible, text) == std::end(kCompatible);
 }
 
+bool mayBuildOtherStructures(const VkDeviceCreateInfo &info)
+{
+    const std::span names(info.ppEnabledExtensionNames, info.enabledExtensionCount);
+    return std::ranges::any_of(
+        names, [](const char *name) { return conflictingNamed(name) != nullptr || isUnknownRayTracing(name); });
+}
+
 } // namespace vellum::layer

@@ -46,4 +46,7 @@ void clearConflictingFeatures(VkPhysicalDeviceFeatures2 &features, const Impleme
 // structures, or trace rays, in ways that the layer does not see.
 bool isUnknownRayTracing(const char *name);
 
+// Whether an enabled extension may build acceleration structures by commands of its own.
+bool mayBuildOtherStructures(const VkDeviceCreateInfo &info);
+
 } // namespace vellum::layer

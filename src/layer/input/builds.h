@@ -53,6 +53,7 @@ struct BuildNeeds {
     VkDeviceSize micromap = 0; // as a query of sizes reports them
     VkDeviceSize written = 0;  // at most; a smaller micromap would be overrun
     VkDeviceSize scratch = 0;
+    bool discardable = false; // VkMicromapBuildSizesInfoEXT; false of every micromap that the layer implements
 };
 
 struct MicromapBuild {

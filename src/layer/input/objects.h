@@ -36,7 +36,7 @@ struct ObjectFacts {
     VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     VkAccelerationStructureTypeKHR content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR; // GENERIC: unknown
     VkDeviceSize size = 0;
-    VkBuffer unbound = VK_NULL_HANDLE; // its buffer, if that is not bound to memory
+    const char *lacksMemory = nullptr; // why it has no memory, as a clause
     bool hostVisible = true;           // its memory; known for host commands
 
     [[nodiscard]] bool isMicromap() const { return type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR; }

@@ -270,7 +270,7 @@ Found tooSmall(const Build &c)
 }
 Found notBound(const Build &c)
 {
-    return isUnbound(c.device, c.target);
+    return isUnbound(c.target);
 }
 
 constexpr const char *kNull = "the address is null";
@@ -540,7 +540,7 @@ constexpr Rule<Structure> kDirectStructure[] = {
          return when(!c.build.isUpdate() && c.build.given->mode != VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
                      "it is neither BUILD nor UPDATE");
      }},
-    {kBound, Report, "dstAccelerationStructure", [](const Structure &c) { return isUnbound(c.device, c.target); }},
+    {kBound, Report, "dstAccelerationStructure", [](const Structure &c) { return isUnbound(c.target); }},
 };
 constexpr Rule<Structure> kGeometries[] = {
     {kArrays, Reject, "pGeometries",

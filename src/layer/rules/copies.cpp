@@ -30,11 +30,11 @@ Found wrongMode(const Copied &c)
 }
 Found unboundSource(const Copied &c)
 {
-    return isUnbound(c.device, c.facts.source);
+    return isUnbound(c.facts.source);
 }
 Found unboundTarget(const Copied &c)
 {
-    return isUnbound(c.device, c.facts.target);
+    return isUnbound(c.facts.target);
 }
 
 constexpr Rule<Copied> kExtCopy[] = {
@@ -94,7 +94,7 @@ Found nullObject(const Serialized &c)
 }
 Found unboundObject(const Serialized &c)
 {
-    return isUnbound(c.device, c.object);
+    return isUnbound(c.object);
 }
 Found notHostVisible(const Serialized &c)
 {
@@ -138,7 +138,7 @@ constexpr Rule<Serialized> kExtSave[] = {
      [](const Serialized &c) { return when(!c.copy.rightMode, "it is not SERIALIZE"); }},
 };
 constexpr Rule<Serialized> kExtDeviceSave[] = {
-    {"VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536", Reject, "dst", noData},
+    {kExtSavedDataId, Reject, "dst", noData},
     {"VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537", Depends, "dst", misalignedBy256},
     {"VUID-vkCmdCopyMicromapToMemoryEXT-buffer-07539", Report, "src", unboundObject},
 };
@@ -160,7 +160,7 @@ constexpr Rule<Serialized> kExtRestore[] = {
      [](const Serialized &c) { return when(!c.copy.rightMode, "it is not DESERIALIZE"); }},
 };
 constexpr Rule<Serialized> kExtDeviceRestore[] = {
-    {"VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07543", Reject, "src", noData},
+    {kExtRestoredDataId, Reject, "src", noData},
     {"VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544", Depends, "src", misalignedBy256},
     {"VUID-vkCmdCopyMemoryToMicromapEXT-buffer-07546", Report, "dst", unboundObject},
 };
@@ -175,7 +175,7 @@ constexpr Rule<Serialized> kKhrSave[] = {
     {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412", Tolerate, "mode",
      [](const Serialized &c) { return when(!c.copy.rightMode, "it is not SERIALIZE"); }},
     {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-11714", Report, "src", unboundObject},
-    {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739", Reject, "dst", noData},
+    {kKhrSavedDataId, Reject, "dst", noData},
     {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11699", Depends, "dst",
      [](const Serialized &c) { return c.object.holdsMicromap() ? misaligned(c, 128) : Found{}; }},
     {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03740", Depends, "dst",
@@ -186,7 +186,7 @@ constexpr Rule<Serialized> kKhrRestore[] = {
     {"VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413", Tolerate, "mode",
      [](const Serialized &c) { return when(!c.copy.rightMode, "it is not DESERIALIZE"); }},
     {"VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11717", Report, "dst", unboundObject},
-    {"VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742", Reject, "src", noData},
+    {kKhrRestoredDataId, Reject, "src", noData},
     // The specification names 11700, a rule of this command, after the other one.
     {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700", Depends, "src",
      [](const Serialized &c) { return c.object.isMicromap() ? misaligned(c, 128) : Found{}; }},
@@ -253,7 +253,7 @@ struct Queried {
 };
 Found unboundQueried(const Queried &c)
 {
-    return isUnbound(c.device, c.object);
+    return isUnbound(c.object);
 }
 constexpr Rule<Queried> kExtQueried[] = {
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-parameter", Reject, nullptr,

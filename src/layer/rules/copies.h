@@ -29,6 +29,12 @@ void checkHostQuery(const InputCheck &check, input::PropertyQuery &query, const 
 inline constexpr const char *kTopLevelOnlyId =
     "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425";
 
+// Rules of the address of serialized data, which validation checks again when a copy is executed.
+inline constexpr const char *kExtSavedDataId = "VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536";
+inline constexpr const char *kExtRestoredDataId = "VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07543";
+inline constexpr const char *kKhrSavedDataId = "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739";
+inline constexpr const char *kKhrRestoredDataId = "VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742";
+
 bool isMicromapQuery(VkQueryType type);
 bool isStructureQuery(VkQueryType type);
 

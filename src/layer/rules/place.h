@@ -19,6 +19,7 @@ public:
     Place member(const char *) && = delete;
     Place element(const char *, uint32_t) && = delete;
 
+    [[nodiscard]] const char *command() const { return outer_ ? outer_->command() : name_; }
     // Such as "vkCmdBuildMicromapsEXT: pInfos[2].pUsageCounts[1]".
     [[nodiscard]] std::string text() const
     {

@@ -65,10 +65,9 @@ Found lacksHostCommands(const RuleDevice &device)
     return when(!device.driver.enabled.hostCommands, "the feature micromapHostCommands is not enabled");
 }
 
-Found isUnbound(const RuleDevice &device, const ObjectFacts &object)
+Found isUnbound(const ObjectFacts &object)
 {
-    return when(object.unbound != VK_NULL_HANDLE,
-                [&] { return "the buffer " + device.nameOf(object.unbound) + " is not bound to device memory"; });
+    return when(object.lacksMemory != nullptr, [&] { return object.lacksMemory; });
 }
 
 Found isInvalid(const RuleDevice &device, VkDeviceAddress address, Severity severity)

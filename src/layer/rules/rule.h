@@ -110,7 +110,7 @@ std::string nameOfFormat(uint32_t format); // VkOpacityMicromapFormatEXT, as usa
 
 // --- violations of rules that several commands have ---
 Found lacksHostCommands(const RuleDevice &device);
-Found isUnbound(const RuleDevice &device, const ObjectFacts &object);
+Found isUnbound(const ObjectFacts &object);
 // An address must be valid. Without validation only null is known not to be.
 Found isInvalid(const RuleDevice &device, VkDeviceAddress address, Severity severity);
 // An object must exist: the text is that it was destroyed, or `otherwise`.

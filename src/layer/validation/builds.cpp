@@ -17,6 +17,7 @@ std::shared_ptr<const StructureContents> contentsOf(const input::MicromapBuild &
     contents->flags = build.flags;
     contents->usages = build.usages.copy();
     contents->triangles = build.usages.triangles();
+    contents->discardable = build.needs.discardable;
     return contents;
 }
 
@@ -37,7 +38,10 @@ std::shared_ptr<StructureContents> contentsOf(const DeviceModel &device, const i
             part.hasMicromap = true;
             part.khr = attachment->khr;
             part.micromapHandle = attachment->micromap;
-            part.micromap = device.objects.structureOf(attachment->micromap);
+            if (const auto micromap = device.objects.structureOf(attachment->micromap)) {
+                part.micromap = micromap;
+                part.micromapNumber = micromap->number;
+            }
         }
     }
     return contents;

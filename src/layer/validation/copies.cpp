@@ -87,9 +87,24 @@ void recordCopy(DeviceValidation &device, const RuleCheck &check, const char *co
     sync::recordCopy(device.sync, check.commandBuffer(), command, source, target);
 }
 
+// The buffer of serialized data exists when the command is executed.
+void checkDataWhenExecuted(const RuleCheck &check, const char *command, const input::SerializedCopy &copy)
+{
+    const VkDeviceAddress data = copy.data.deviceAddress;
+    if (check.device().checks.core && !check.device().state.rules.lacksBuffer(data))
+        checkWhenExecuted(check.device(), check.commandBuffer(),
+                          {.address = data,
+                           .command = command,
+                           .member = copy.saves ? "pInfo.dst" : "pInfo.src",
+                           .vuid = copy.saves ? (copy.khr() ? rules::kKhrSavedDataId : rules::kExtSavedDataId)
+                                              : (copy.khr() ? rules::kKhrRestoredDataId : rules::kExtRestoredDataId),
+                           .object = check.object()});
+}
+
 void recordSave(DeviceValidation &device, const RuleCheck &check, const char *command,
                 const input::SerializedCopy &copy)
 {
+    checkDataWhenExecuted(check, command, copy);
     const Structure source = device.objects.structureOf(copy.object);
     checkSerializedSize(device.gpu, check, source, copy.data.deviceAddress);
     if (copy.khr())
@@ -101,6 +116,7 @@ void recordSave(DeviceValidation &device, const RuleCheck &check, const char *co
 void recordRestore(DeviceValidation &device, const RuleCheck &check, const char *command,
                    const input::SerializedCopy &copy)
 {
+    checkDataWhenExecuted(check, command, copy);
     const Structure target = device.objects.structureOf(copy.object);
     deserialized(check, target, checkSerializedData(device.gpu, check, copy.data.deviceAddress, target));
     sync::recordDeserialization(device.sync, check.commandBuffer(), command, copy.data.deviceAddress, target);

@@ -22,7 +22,7 @@ std::optional<input::BuildNeeds> driverNeeds(const DeviceModel &device, const in
         VkMicromapBuildSizesInfoEXT sizes{VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT};
         device.next.GetMicromapBuildSizesEXT(device.driver.handle, type,
                                              static_cast<const VkMicromapBuildInfoEXT *>(build.given), &sizes);
-        return input::BuildNeeds{sizes.micromapSize, 0, sizes.buildScratchSize};
+        return input::BuildNeeds{sizes.micromapSize, 0, sizes.buildScratchSize, sizes.discardable == VK_TRUE};
     }
     VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
     device.next.GetAccelerationStructureBuildSizesKHR(

@@ -42,7 +42,7 @@ ValidatedMemory memoryOf(const DeviceValidation &device, const VkMemoryAllocateI
 {
     const VkMemoryPropertyFlags type = device.buffers.gpu.memory.memoryTypes[info.memoryTypeIndex].propertyFlags;
     return {.hostVisible = (type & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT) != 0,
-            .buffers = std::make_shared<BuffersOfMemory>()};
+            .buffers = std::make_shared<WeakList<ValidatedBuffer>>()};
 }
 
 std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, ObjectHandle handle,
@@ -58,6 +58,8 @@ std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, Objec
     structure->createFlags = flags;
     structure->record = device.records.take();
     structure->buffer = device.objects.buffers.get(buffer);
+    if (structure->buffer)
+        structure->buffer->structures.add(structure);
     structure->offset = offset;
     structure->size = size;
     structure->ownAllocator = ownAllocator;
@@ -74,6 +76,8 @@ void setReference(DeviceValidation &device, const std::shared_ptr<ValidatedStruc
     device.objects.byReference.add(address, structure);
     if (structure->record)
         device.records.setReference(address, *structure->record);
+    else
+        device.records.setIncomplete();
 }
 
 // An object must not be destroyed twice; reports the second time. Implementations would free its memory again.
@@ -87,12 +91,33 @@ bool isDestroyed(DeviceValidation &device, ObjectHandle object, const char *comm
     return destroyed;
 }
 
+// Others may still refer to the structure, which is not valid any more.
+void setLost(DeviceValidation &device, const ValidatedStructure &structure, const char *how)
+{
+    {
+        const std::lock_guard lock(device.logs.submissions);
+        if (structure.isMicromap() && structure.contents && structure.contents->discardable)
+            return;
+    }
+    remember(device.objects, [&] { device.objects.lost.add(structure, {++device.numbers, structure.handle, how}); });
+    if (structure.record)
+        remember(device.objects, [&] { device.records.setDestroyed(*structure.record); });
+}
+
 void setDestroyed(DeviceValidation &device, ValidatedStructure &structure)
 {
     structure.destroyed = true;
     remember(device.objects, [&] { device.objects.destroyed.add(structure.handle); });
-    if (structure.record)
-        remember(device.objects, [&] { device.records.setDestroyed(*structure.record); });
+    setLost(device, structure, "was destroyed");
+}
+
+// The structures of a buffer that was destroyed or lost its memory.
+void loseStructures(DeviceValidation &device, const ValidatedBuffer &buffer, const char *how)
+{
+    buffer.structures.visit([&](const std::shared_ptr<ValidatedStructure> &structure) {
+        if (!structure->destroyed && lacksMemory(device, *structure))
+            setLost(device, *structure, how);
+    });
 }
 
 } // namespace
@@ -122,9 +147,15 @@ VkResult allocateMemory(DeviceValidation &device, VkDevice handle, const VkMemor
 void freeMemory(DeviceValidation &device, VkDevice handle, VkDeviceMemory memory,
                 const VkAllocationCallbacks *allocator)
 {
-    if (const auto buffers = device.objects.memories.take(memory).buffers)
-        buffers->visit([&](const ValidatedBuffer &buffer) { device.buffers.addresses.hide(buffer.handle); });
     sync::checkFree(device.sync, memory);
+    if (const auto buffers = device.objects.memories.take(memory).buffers)
+        buffers->visit([&](const std::shared_ptr<ValidatedBuffer> &buffer) {
+            device.buffers.addresses.hide(buffer->handle);
+            ++device.objects.bufferLosses;
+            buffer->memory = VK_NULL_HANDLE;
+            buffer->memoryFreed = true;
+            loseStructures(device, *buffer, "has lost its memory, which was freed");
+        });
     device.next.FreeMemory(handle, memory, allocator);
 }
 
@@ -154,8 +185,11 @@ void destroyBuffer(DeviceValidation &device, VkDevice handle, VkBuffer buffer, c
 {
     device.buffers.addresses.remove(buffer);
     sync::checkDestruction(device.sync, device.objects.buffers.get(buffer).get());
-    if (const auto known = device.objects.buffers.take(buffer))
+    if (const auto known = device.objects.buffers.take(buffer)) {
         known->destroyed = true;
+        ++device.objects.bufferLosses;
+        loseStructures(device, *known, "has lost its buffer, which was destroyed");
+    }
     device.next.DestroyBuffer(handle, buffer, allocator);
 }
 
@@ -223,6 +257,7 @@ VkResult createAccelerationStructure2(DeviceValidation &device, VkDevice handle,
         auto structure = newStructure(device, *result, info->type, place.buffer, place.offset, info->addressRange.size,
                                       info->createFlags, allocator != nullptr);
         structure->memoryAddress = info->addressRange.address;
+        structure->byAddress = true;
         device.objects.byMemory.add(structure);
         device.objects.structures.set(*result, std::move(structure));
     });
@@ -251,6 +286,8 @@ VkDeviceAddress getAccelerationStructureDeviceAddress(DeviceValidation &device, 
     const VkDeviceAddress address = device.next.GetAccelerationStructureDeviceAddressKHR(handle, info);
     if (const auto structure = device.objects.structures.get(info->accelerationStructure))
         remember(device.objects, [&] { setReference(device, structure, address); });
+    if (device.objects.anyUnknown)
+        device.records.setIncomplete();
     return address;
 }
 

@@ -13,6 +13,7 @@ void reportCompleted(DeviceValidation &device, bool idle)
 {
     device.gpu.report(idle);
     device.traces.marks.report(device, idle);
+    device.traces.traced.report(device);
 }
 
 namespace validation

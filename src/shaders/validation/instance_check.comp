@@ -28,9 +28,11 @@ uvec2 loadAddress(uvec2 at)
     return uvec2(words.w[0], words.w[1]);
 }
 
-// The record of the structure that a reference names; record 0, which states nothing, if it is unknown.
-Words recordOf(uvec2 reference)
+// The record of the structure that a reference names; record 0, which states nothing, if it is unknown. `isKnown`: the
+// table has the reference.
+Words recordOf(uvec2 reference, out bool isKnown)
 {
+    isKnown = true;
     Words table = Words(push.references);
     uint bucket = referenceBucket(reference.x, reference.y);
     for (uint probe = 0u; probe < kReferenceProbes; ++probe) {
@@ -42,6 +44,7 @@ Words recordOf(uvec2 reference)
             break;
         bucket = bucket + 1u & (1u << kReferenceBucketsLog2) - 1u;
     }
+    isKnown = false;
     return Words(push.records);
 }
 
@@ -69,9 +72,12 @@ void main()
     }
     if (all(equal(reference, uvec2(0))))
         return;
-    Words record = recordOf(reference);
+    bool isKnown;
+    Words record = recordOf(reference, isKnown);
     const uint kind = record.w[0];
-    if (kind == kRecordMicromap || kind == kRecordTop || kind == kRecordDestroyed)
+    if (!isKnown && record.w[3] != 0u)
+        reportFinding(kFindingNoStructure, i, reference.x, reference.y);
+    else if (kind == kRecordMicromap || kind == kRecordTop || kind == kRecordDestroyed)
         reportFinding(kind == kRecordMicromap ? kFindingMicromap : kind == kRecordTop ? kFindingTopLevel : kFindingDestroyed,
                       i, reference.x, reference.y);
     else if (kind == kRecordBottom && (flags & kDisableMicromaps) != 0u && (record.w[1] & push.allowDisable) == 0u)

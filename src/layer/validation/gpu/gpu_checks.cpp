@@ -83,10 +83,12 @@ void GpuChecks::create(const Driver &driver)
         return;
     }
     limits = limitsOf(driver);
-    if (log.create(device.buffers.gpu) == VK_SUCCESS && device.records.create(device.buffers.gpu) == VK_SUCCESS)
-        device.checks.gpu = true;
-    else
+    device.checks.gpu =
+        log.create(device.buffers.gpu) == VK_SUCCESS && device.records.create(device.buffers.gpu) == VK_SUCCESS;
+    if (!device.checks.gpu)
         driver.report().error("VELLUM-validation-gpu", "no memory for the check of data on the GPU, which is off");
+    else if (driver.enabled.otherStructures)
+        device.records.setIncomplete();
 }
 
 void GpuChecks::report(bool idle)

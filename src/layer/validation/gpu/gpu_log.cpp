@@ -127,7 +127,8 @@ BrokenRule instanceRule(const GpuChecks &gpu, const Finding &f)
     switch (f.what & kFindingMask) {
     case kFindingMicromap: what = " is a micromap"; break;
     case kFindingTopLevel: what = " is a top-level structure"; break;
-    case kFindingDestroyed: what = " was destroyed"; break;
+    case kFindingNoStructure: what = " does not exist"; break;
+    case kFindingDestroyed: what = " was destroyed, or lost its memory"; break;
     default: break;
     }
     if (what)

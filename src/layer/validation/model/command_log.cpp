@@ -13,6 +13,7 @@ void CommandLog::reset()
 {
     if (!steps->empty())
         steps = std::make_shared<Steps>();
+    accessed.reset();
     traces = {};
     isRecording = isRendering = suspends = isSuspended = false;
 }

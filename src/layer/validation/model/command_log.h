@@ -15,6 +15,7 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/command_buffer/command_state.h"
+#include "layer/input/objects.h"
 #include "layer/validation/model/descriptors.h"
 
 namespace vellum::layer
@@ -46,6 +47,21 @@ struct Submission {
     bool ordered = true;
 };
 
+// An address that a command accesses when it is executed. Its buffer must not be destroyed before.
+struct AccessedAddress {
+    VkDeviceAddress address = 0;
+    const char *command = nullptr;
+    uint32_t info = kNone, geometry = kNone; // indices, in pInfos and its pGeometries
+    const char *member = nullptr;
+    const char *vuid = nullptr;
+    ObjectHandle object{}; // for the message
+    static constexpr uint32_t kNone = UINT32_MAX;
+};
+struct AccessedAddresses {
+    uint64_t losses = 0; // ValidatedObjects::bufferLosses when they were last known to be valid
+    std::vector<AccessedAddress> addresses;
+};
+
 struct CommandLog : CommandState {
     using Step = std::function<void(const Submission &)>;
     using Steps = std::vector<Step>;
@@ -60,6 +76,7 @@ struct CommandLog : CommandState {
     // Shared with submissions: once the driver has the work, another thread may learn that it is complete and reset or
     // free the command buffer before the steps have run. Never null.
     std::shared_ptr<Steps> steps = std::make_shared<Steps>();
+    std::shared_ptr<AccessedAddresses> accessed; // null: none
     TraceBindings traces;
 
     // Forgets what was recorded.

@@ -88,6 +88,7 @@ struct GeometryContents {
     bool khr = false;                           // that structure is VK_KHR_opacity_micromap's
     ObjectHandle micromapHandle;                // 0 for a null handle
     std::weak_ptr<ValidatedStructure> micromap; // that is attached
+    uint64_t micromapNumber = 0;                // ValidatedStructure::number of it; 0: it was not known
     CapturedIndices indices;                    // into it
 };
 
@@ -98,6 +99,7 @@ struct StructureContents {
     std::vector<GeometryContents> geometries;
     std::vector<VkMicromapUsageEXT> usages;   // of a micromap
     uint64_t triangles = 0;                   // of a micromap
+    bool discardable = false;                 // structures that attach the micromap keep a copy of it
     bool deserialized = false;                // the other members are unknown, except the header
     std::shared_ptr<SerializedHeader> header; // of the data of a structure; null: unknown
     CapturedInstances instances;              // of a top-level structure

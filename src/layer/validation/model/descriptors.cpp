@@ -50,7 +50,7 @@ StructureTemplate DescriptorAccess::form(VkDescriptorUpdateTemplate handle) cons
     return found == templates().end() ? StructureTemplate{} : found->second;
 }
 
-std::weak_ptr<ValidatedStructure> DescriptorAccess::structure(VkAccelerationStructureKHR handle) const
+std::shared_ptr<ValidatedStructure> DescriptorAccess::structure(VkAccelerationStructureKHR handle) const
 {
     return handle ? device.objects.structures.get(handle) : nullptr;
 }
@@ -106,17 +106,17 @@ void DescriptorAccess::copy(const VkCopyDescriptorSet &copy) const
     setStructures(*to, copy.dstBinding, copy.dstArrayElement, structures);
 }
 
-std::vector<std::shared_ptr<ValidatedStructure>>
-DescriptorTracker::structures(const StructureSet &set, uint32_t binding, std::optional<uint32_t> element) const
+StructurePointers DescriptorTracker::structures(const StructureSet &set, uint32_t binding,
+                                                std::optional<uint32_t> element) const
 {
     const std::lock_guard lock(mutex_);
-    std::vector<std::shared_ptr<ValidatedStructure>> result;
+    StructurePointers result;
     const auto found = set.structures.find(binding);
     if (found == set.structures.end() || (element && *element >= found->second.size()))
         return result;
     for (uint32_t i = 0; i < found->second.size(); ++i)
         if (!element || *element == i)
-            result.push_back(found->second[i].lock());
+            result.push_back(found->second[i]);
     return result;
 }
 

@@ -21,7 +21,8 @@ namespace vellum::layer
 struct DeviceModel;
 struct ValidatedStructure;
 
-using StructurePointers = std::vector<std::weak_ptr<ValidatedStructure>>;
+// Also of structures that were destroyed.
+using StructurePointers = std::vector<std::shared_ptr<ValidatedStructure>>;
 
 // A descriptor set, or the descriptors that a command buffer has pushed for one.
 struct StructureSet {
@@ -42,8 +43,8 @@ class DescriptorTracker
 {
 public:
     // The structures of a binding: one, or with no `element` all.
-    [[nodiscard]] std::vector<std::shared_ptr<ValidatedStructure>> structures(const StructureSet &set, uint32_t binding,
-                                                                              std::optional<uint32_t> element) const;
+    [[nodiscard]] StructurePointers structures(const StructureSet &set, uint32_t binding,
+                                               std::optional<uint32_t> element) const;
 
 private:
     friend struct DescriptorAccess;
@@ -75,7 +76,7 @@ struct DescriptorAccess {
     std::lock_guard<std::mutex> lock;
 
 private:
-    [[nodiscard]] std::weak_ptr<ValidatedStructure> structure(VkAccelerationStructureKHR handle) const;
+    [[nodiscard]] std::shared_ptr<ValidatedStructure> structure(VkAccelerationStructureKHR handle) const;
 };
 
 } // namespace vellum::layer

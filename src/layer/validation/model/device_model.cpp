@@ -18,12 +18,9 @@ ObjectFacts DeviceModel::factsOf(ObjectHandle handle) const
     found.content = found.type;
     if (found.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR && state.rules.content)
         found.content = state.rules.content(handle);
-    const ValidatedBuffer *buffer = structure->buffer.get();
-    if (!buffer)
-        return found;
-    if (!buffer->memory && (buffer->flags & VK_BUFFER_CREATE_SPARSE_BINDING_BIT) == 0)
-        found.unbound = buffer->handle;
-    found.hostVisible = buffer->memory && objects.memories.get(buffer->memory).hostVisible;
+    found.lacksMemory = lacksMemory(*this, *structure);
+    if (const ValidatedBuffer *buffer = structure->buffer.get())
+        found.hostVisible = buffer->memory && objects.memories.get(buffer->memory).hostVisible;
     return found;
 }
 

@@ -18,7 +18,21 @@ constexpr size_t kMostAddresses = size_t{1} << 20;
 void setContents(DeviceModel &device, ValidatedStructure &structure, std::shared_ptr<const StructureContents> contents)
 {
     structure.contents = std::move(contents);
+    structure.losses = 0;
     structure.since = structure.built = ++device.numbers;
+}
+
+void LostStructures::add(const ValidatedStructure &structure, const Loss &loss)
+{
+    const std::lock_guard lock(mutex_);
+    const VkDeviceAddress reference = structure.referenceAddress;
+    Losses &losses = structure.isMicromap() ? numbers_ : references_;
+    if (!structure.isMicromap() && reference == 0)
+        return; // no instance names it
+    if (losses.size() == kMost)
+        losses.clear();
+    losses[structure.isMicromap() ? structure.number : reference] = loss;
+    ++count_;
 }
 
 void StructuresByAddress::add(VkDeviceAddress address, const std::shared_ptr<ValidatedStructure> &structure)
@@ -98,6 +112,21 @@ std::shared_ptr<StructureContents> unknownContents(VkAccelerationStructureTypeKH
     contents->type = type;
     contents->deserialized = true;
     return contents;
+}
+
+const char *lacksMemory(const DeviceModel &device, const ValidatedStructure &structure)
+{
+    const ValidatedBuffer *buffer = structure.buffer.get();
+    if (structure.byAddress)
+        return device.state.rules.lacksBuffer(structure.memoryAddress) ? "no buffer has its address any more" : nullptr;
+    if (!buffer)
+        return nullptr;
+    if (buffer->destroyed)
+        return "its buffer was destroyed";
+    if (buffer->memoryFreed)
+        return "its memory was freed";
+    const bool isSparse = (buffer->flags & VK_BUFFER_CREATE_SPARSE_BINDING_BIT) != 0;
+    return buffer->memory || isSparse ? nullptr : "its buffer is not bound to device memory";
 }
 
 std::shared_ptr<ValidatedBuffer> bufferAt(const DeviceModel &device, VkDeviceAddress address)

@@ -9,7 +9,9 @@
 #include <memory>
 #include <mutex>
 #include <new>
+#include <optional>
 #include <set>
+#include <unordered_map>
 #include <vector>
 
 #include <vulkan/vulkan.h>
@@ -25,6 +27,36 @@ namespace vellum::layer
 {
 
 struct DeviceModel;
+struct ValidatedStructure;
+
+// Objects that depend on another one. Entries of objects that are gone are removed now and then.
+template <typename Object>
+class WeakList
+{
+public:
+    void add(const std::shared_ptr<Object> &object)
+    {
+        const std::lock_guard lock(mutex_);
+        if (objects_.size() >= sweepAt_) {
+            std::erase_if(objects_, [](const auto &known) { return known.expired(); });
+            sweepAt_ = std::max<size_t>(64, 2 * objects_.size());
+        }
+        objects_.push_back(object);
+    }
+    template <typename Visit>
+    void visit(Visit visit) const
+    {
+        const std::lock_guard lock(mutex_);
+        for (const auto &known : objects_)
+            if (const auto object = known.lock())
+                visit(object);
+    }
+
+private:
+    mutable std::mutex mutex_;
+    std::vector<std::weak_ptr<Object>> objects_;
+    size_t sweepAt_ = 64;
+};
 
 // The parts of a sparse buffer that are bound to memory, in the order of vkQueueBindSparse.
 class BoundRanges
@@ -73,10 +105,12 @@ struct ValidatedBuffer {
     VkBufferCreateFlags flags = 0;
     bool exclusive = false; // it belongs to one queue family at a time
     bool destroyed = false;
-    VkDeviceMemory memory = VK_NULL_HANDLE; // null until it is bound
+    bool memoryFreed = false;
+    VkDeviceMemory memory = VK_NULL_HANDLE; // null until it is bound, and once the memory is freed
     VkDeviceSize memoryOffset = 0;
-    VkDeviceAddress address = 0; // 0: without one, or without memory
-    BoundRanges bound;           // of a sparse buffer
+    VkDeviceAddress address = 0;             // 0: without one, or without memory
+    BoundRanges bound;                       // of a sparse buffer
+    WeakList<ValidatedStructure> structures; // that were created in it
 };
 
 // A VkAccelerationStructureKHR or a VkMicromapEXT.
@@ -89,6 +123,7 @@ struct ValidatedStructure {
     VkDeviceSize offset = 0;                 // in the buffer
     VkDeviceSize size = 0;
     VkDeviceAddress memoryAddress = 0; // of its memory; 0: unknown
+    bool byAddress = false;            // it was created with the address alone: the buffer is one of those there
     // From vkGetAccelerationStructureDeviceAddressKHR; 0 until the application calls it.
     std::atomic<VkDeviceAddress> referenceAddress = 0;
 
@@ -98,6 +133,7 @@ struct ValidatedStructure {
     std::shared_ptr<const StructureContents> contents; // null: not constructed
     uint64_t since = 0;                                // DeviceModel::numbers when it got them
     uint64_t built = 0;                                // the same of the structure that they were copied from
+    uint64_t losses = 0; // of a top-level structure: LostStructures::count() when its instances were last checked
     bool destroyed = false;
     bool ownAllocator = false; // it was created with allocation callbacks
 
@@ -108,37 +144,9 @@ struct ValidatedStructure {
     }
 };
 
-// The buffers that are bound to a memory object.
-class BuffersOfMemory
-{
-public:
-    void add(const std::shared_ptr<ValidatedBuffer> &buffer)
-    {
-        const std::lock_guard lock(mutex_);
-        if (buffers_.size() >= sweepAt_) {
-            std::erase_if(buffers_, [](const auto &known) { return known.expired(); });
-            sweepAt_ = std::max<size_t>(64, 2 * buffers_.size());
-        }
-        buffers_.push_back(buffer);
-    }
-    template <typename Visit>
-    void visit(Visit visit) const
-    {
-        const std::lock_guard lock(mutex_);
-        for (const auto &known : buffers_)
-            if (const auto buffer = known.lock())
-                visit(*buffer);
-    }
-
-private:
-    mutable std::mutex mutex_;
-    std::vector<std::weak_ptr<ValidatedBuffer>> buffers_;
-    size_t sweepAt_ = 64;
-};
-
 struct ValidatedMemory {
     bool hostVisible = true;
-    std::shared_ptr<BuffersOfMemory> buffers{};
+    std::shared_ptr<WeakList<ValidatedBuffer>> buffers{}; // that are bound to it
 };
 
 // Handles of destroyed micromaps and structures that no new object has. Beyond kMost, all are forgotten.
@@ -167,6 +175,39 @@ private:
     static constexpr size_t kMost = size_t{1} << 16;
     mutable std::mutex mutex_;
     std::set<uint64_t> handles_;
+};
+
+// Structures that were destroyed or lost their memory, and that others may still refer to: a top-level structure names
+// them by their reference, and a bottom-level structure has micromaps. Beyond kMost, all are forgotten.
+class LostStructures
+{
+public:
+    struct Loss {
+        uint64_t number = 0; // DeviceModel::numbers at that time
+        ObjectHandle handle;
+        const char *how = nullptr; // a clause
+    };
+    void add(const ValidatedStructure &structure, const Loss &loss);
+    [[nodiscard]] std::optional<Loss> byReference(VkDeviceAddress reference) const
+    {
+        return find(references_, reference);
+    }
+    [[nodiscard]] std::optional<Loss> byNumber(uint64_t number) const { return find(numbers_, number); }
+    // Of all times.
+    [[nodiscard]] uint64_t count() const { return count_; }
+
+private:
+    using Losses = std::unordered_map<uint64_t, Loss>;
+    [[nodiscard]] std::optional<Loss> find(const Losses &losses, uint64_t key) const
+    {
+        const std::lock_guard lock(mutex_);
+        const auto found = losses.find(key);
+        return found == losses.end() ? std::nullopt : std::optional(found->second);
+    }
+    static constexpr size_t kMost = size_t{1} << 16;
+    mutable std::mutex mutex_;
+    Losses references_, numbers_; // by ValidatedStructure::referenceAddress and ::number
+    std::atomic<uint64_t> count_ = 0;
 };
 
 // A query pool with sizes of structures or micromaps.
@@ -253,10 +294,12 @@ struct ValidatedObjects {
     StructuresByMemory byMemory;
     StructuresByReference byReference;
     DestroyedHandles destroyed;
+    LostStructures lost;
     HandleMap<VkDeviceMemory, ValidatedMemory> memories;
     HandleMap<VkQueryPool, std::shared_ptr<ValidatedQueryPool>> queryPools;
     HandleMap<VkBuffer, std::shared_ptr<ValidatedBuffer>> buffers;
     std::atomic<bool> hasProtectedBuffers = false;
+    std::atomic<uint64_t> bufferLosses = 0; // buffers that were destroyed or whose memory was freed
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<ValidatedStructure>> structures;
     HandleMap<VkMicromapEXT, std::shared_ptr<ValidatedStructure>> micromaps;
     HandleMap<VkImage, std::shared_ptr<const ValidatedImage>> images;
@@ -283,9 +326,11 @@ void remember(ValidatedObjects &objects, Keep keep) noexcept
 
 // Gives a structure new contents. CommandLogs::submissions is held: in steps it is.
 void setContents(DeviceModel &device, ValidatedStructure &structure, std::shared_ptr<const StructureContents> contents);
-// Those of a structure that was made in a way that does not show them.
+// Why a structure has no memory, as a clause; null: it has memory, or that is not known.
+const char *lacksMemory(const DeviceModel &device, const ValidatedStructure &structure);
+// The contents of a structure that was made in a way that does not show them.
 std::shared_ptr<StructureContents> unknownContents(VkAccelerationStructureTypeKHR type);
-// The structure at an address, which a buffer range or an instance names; null if there is none or it is unknown.
+// The buffer at an address; null if there is none or it is unknown.
 std::shared_ptr<ValidatedBuffer> bufferAt(const DeviceModel &device, VkDeviceAddress address);
 
 } // namespace vellum::layer

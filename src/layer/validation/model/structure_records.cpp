@@ -17,6 +17,7 @@ constexpr uint32_t kRecords = 1u << 16;
 constexpr uint32_t kBuckets = 1u << kReferenceBucketsLog2;
 constexpr uint32_t kMostBuckets = kBuckets / 4; // so that probes end
 constexpr VkDeviceSize kRecordBytes = sizeof(RecordWords);
+constexpr uint32_t kAllReferences = 3; // word of record 0
 
 // The key of a bucket that had a reference: no address is as high.
 constexpr uint32_t kRemovedHigh = 0xffffffff;
@@ -35,6 +36,7 @@ VkResult StructureRecords::create(const GpuContext &context)
     if (result != VK_SUCCESS)
         return result;
     records_.words()[kDestroyed * kStructureRecordWords] = kRecordDestroyed;
+    records_.words()[kAllReferences] = 1;
     return references_.create(context, VkDeviceSize{kBuckets} * kReferenceBucketWords * 4);
 }
 
@@ -113,7 +115,15 @@ void StructureRecords::setReference(VkDeviceAddress reference, const Owner &reco
         if (owners > 1)
             words[3] = 1;
         words[2] = words[3] == 0 ? record.index() : 0;
+    } else {
+        setIncomplete();
     }
+}
+
+void StructureRecords::setIncomplete()
+{
+    if (records_.words())
+        records_.words()[kAllReferences] = 0;
 }
 
 void StructureRecords::setDestroyed(const Owner &record)

@@ -49,6 +49,8 @@ public:
     // many addresses are forgotten.
     void setDestroyed(const Owner &record);
     void removeReference(const Owner &record);
+    // Structures may have references that the application did not get by setReference().
+    void setIncomplete();
 
     [[nodiscard]] VkDeviceAddress address() const { return records_.address(); }
     // Of record 0, which states nothing, for null.

@@ -5,6 +5,8 @@
 #include <cinttypes>
 #include <cstdio>
 
+#include "layer/validation/rules/rule_check.h"
+
 namespace vellum::layer
 {
 namespace
@@ -91,10 +93,20 @@ void RangeCheck::check(const Place &place, const VkStridedDeviceAddressRangeKHR 
 VkBuffer RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
                            const RangeFlagRules &flagRules, const rules::Range &need, const rules::AnyRange &ids) const
 {
-    if (const VkBuffer buffer = soundBuffer(range, flags, need))
-        return buffer;
-    const Place member = place.member(flagRules.range);
     const AddressMap &addresses = device_.buffers.addresses;
+    const VkBuffer sound = soundBuffer(range, flags, need);
+    // What is only bound need not be accessed.
+    const bool isAccessed = need.usageId && need.part != rules::Part::UpToEnd && range.size != 0;
+    if (isAccessed && (sound || addresses.find(range.address).buffer))
+        checkWhenExecuted(device_, commandBuffer_,
+                          {.address = range.address,
+                           .command = place.command(),
+                           .member = flagRules.range,
+                           .vuid = ids.buffer,
+                           .object = commandBuffer_});
+    if (sound)
+        return sound;
+    const Place member = place.member(flagRules.range);
     if (need.leastId && range.size < need.least)
         fault(member, need.leastId,
               std::to_string(range.size) + " bytes; the command accesses " + std::to_string(need.least),

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <span>
 
+#include "layer/input/checked.h"
 #include "layer/rules/builds.h"
 #include "layer/validation/rules/implicit_rules.h"
 
@@ -46,12 +47,33 @@ BuildMemory memoryOf(const DeviceModel &device, const input::MicromapBuild &buil
             build.host ? MemoryRange{} : memoryAt(device, build.scratch.deviceAddress, build.needs.scratch)};
 }
 
-// The first byte of each: builds of other structures need sizes that depend on their input.
+// The bytes that a build of another structure may write, by a query of sizes.
+VkDeviceSize sizeOf(const DeviceModel &device, const input::StructureBuild &build)
+{
+    std::vector<uint32_t> counts;
+    for (uint32_t g = 0; g < build.geometries.size(); ++g)
+        counts.push_back(build.ranges.primitives(g));
+    VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
+    input::Builds query = input::parse(1, build.given, nullptr);
+    for (input::StructureBuild &structure : query.structures)
+        structure.accepted = build.accepted;
+    const input::Checked checked(build.given, query); // the implementation does not report its violations again
+    device.next.GetAccelerationStructureBuildSizesKHR(
+        device.driver.handle, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, build.given, counts.data(), &sizes);
+    return sizes.accelerationStructureSize;
+}
+
+// Of builds of other structures the first byte of each range; of the target what the build needs, if its own scratch
+// memory begins inside of it.
 BuildMemory memoryOf(const DeviceModel &device, const input::StructureBuild &build)
 {
     const ObjectHandle target = build.given->dstAccelerationStructure;
-    return {build.element, target, memoryOf(device.objects.structureOf(target).get(), 1),
-            memoryAt(device, build.given->scratchData.deviceAddress, 1)};
+    const auto structure = device.objects.structureOf(target);
+    BuildMemory memory{build.element, target, memoryOf(structure.get(), 1),
+                       memoryAt(device, build.given->scratchData.deviceAddress, 1)};
+    if (build.accepted && structure && memory.scratchRange.overlaps(memoryOf(structure.get(), structure->size)))
+        memory.targetRange = memoryOf(structure.get(), sizeOf(device, build));
+    return memory;
 }
 
 void checkOverlaps(const RuleCheck &command, std::span<const BuildMemory> builds, const OverlapIds &ids)
@@ -148,7 +170,7 @@ constexpr AddressMember kKhrTriangles{"triangleArray", rules::kKhrInputId, nullp
 struct Accessed {
     const AddressMember *member;
     VkDeviceAddress address;
-    uint32_t geometry = UINT32_MAX; // none
+    uint32_t geometry = AccessedAddress::kNone;
 };
 
 void addAddresses(std::vector<Accessed> &accessed, const input::Geometry &geometry, uint32_t g)
@@ -163,7 +185,9 @@ void addAddresses(std::vector<Accessed> &accessed, const input::Geometry &geomet
             accessed.push_back({&kTransformData, given.triangles.transformData.deviceAddress, g});
         break;
     case VK_GEOMETRY_TYPE_AABBS_KHR: accessed.push_back({&kBoxes, given.aabbs.data.deviceAddress, g}); break;
-    case VK_GEOMETRY_TYPE_INSTANCES_KHR: accessed.push_back({&kInstances, given.instances.data.deviceAddress, g}); break;
+    case VK_GEOMETRY_TYPE_INSTANCES_KHR:
+        accessed.push_back({&kInstances, given.instances.data.deviceAddress, g});
+        break;
     default: break;
     }
 }
@@ -182,25 +206,25 @@ std::vector<Accessed> addressesOf(const input::StructureBuild &build)
 std::string textOf(const Accessed &accessed)
 {
     const std::string member = std::string(accessed.member->name) + ": ";
-    return accessed.geometry == UINT32_MAX ? member
-                                           : "pGeometries[" + std::to_string(accessed.geometry) + "]." + member;
+    return accessed.geometry == AccessedAddress::kNone
+               ? member
+               : "pGeometries[" + std::to_string(accessed.geometry) + "]." + member;
 }
 
 // The buffers that are accessed exist when the command is executed.
-void checkAlive(const RuleCheck &check, std::vector<Accessed> accessed, bool indirect)
+void checkWhenExecuted(const RuleCheck &check, uint32_t element, std::span<const Accessed> accessed, bool indirect)
 {
-    std::erase_if(accessed, [&](const Accessed &one) { return check.device().state.rules.lacksBuffer(one.address); });
-    if (accessed.empty())
-        return;
-    check.whenExecuted([&device = check.device(), place = check.place().text(), object = check.object(),
-                        accessed = std::move(accessed), indirect] {
-        for (const Accessed &one : accessed)
-            if (device.state.rules.lacksBuffer(one.address))
-                device.fault(place, indirect ? one.member->indirect : one.member->direct,
-                             textOf(one) + "when the command is executed, no buffer has the address " +
-                                 hex(one.address) + " any more: it was destroyed",
-                             object);
-    });
+    DeviceModel &device = check.device();
+    for (const Accessed &one : accessed)
+        if (!device.state.rules.lacksBuffer(one.address))
+            layer::checkWhenExecuted(device, check.commandBuffer(),
+                                     {.address = one.address,
+                                      .command = check.place().command(),
+                                      .info = element,
+                                      .geometry = one.geometry,
+                                      .member = one.member->name,
+                                      .vuid = indirect ? one.member->indirect : one.member->direct,
+                                      .object = check.object()});
 }
 
 // Checks the addresses of a build. Returns whether it can be recorded.
@@ -216,8 +240,9 @@ bool checkAddresses(const RuleCheck &check, const input::StructureBuild &build, 
     for (uint32_t g = 0; g < build.geometries.size(); ++g)
         if (const auto &attachment = build.geometries[g].attachment;
             attachment && attachment->indexType != VK_INDEX_TYPE_NONE_KHR && build.ranges.primitives(g) > 0)
-            accessed.push_back({attachment->khr ? &kKhrIndices : &kExtIndices, attachment->indexBuffer.deviceAddress, g});
-    checkAlive(check, std::move(accessed), indirect);
+            accessed.push_back(
+                {attachment->khr ? &kKhrIndices : &kExtIndices, attachment->indexBuffer.deviceAddress, g});
+    checkWhenExecuted(check, build.element, accessed, indirect);
     return valid;
 }
 
@@ -229,7 +254,7 @@ void checkAddresses(const RuleCheck &check, const input::MicromapBuild &build)
                                    {build.khr ? &kKhrTriangles : &kExtTriangles, build.triangles.deviceAddress}};
     if (build.needs.scratch > 0)
         accessed.push_back({build.khr ? &kBuildScratch : &kExtScratch, build.scratch.deviceAddress});
-    checkAlive(check, std::move(accessed), false);
+    checkWhenExecuted(check, build.element, accessed, false);
 }
 
 // --- What attached micromaps hold ---
@@ -426,7 +451,7 @@ void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildComman
         checkAttachments(check, kContentIds[indirect ? 1 : 0], build);
         checkUpdate(check, kUpdateIds[indirect ? 1 : 0], build);
     }
-    if (indirect || builds.micromaps.size() + builds.structures.size() < 2)
+    if (indirect)
         return;
     std::vector<BuildMemory> memory;
     for (const input::MicromapBuild &build : builds.micromaps)
@@ -437,11 +462,10 @@ void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildComman
     const RuleCheck check(device, place, commandBuffer, commandBuffer);
     for (const input::StructureBuild &build : builds.structures)
         checkAttachedMemory(check, build, memory);
-    if (!builds.micromaps.empty())
-        checkOverlaps(check, memory,
-                      command == BuildCommand::Structures  ? kStructures
-                      : command == BuildCommand::Micromaps ? kMicromaps
-                                                           : kHostMicromaps);
+    checkOverlaps(check, memory,
+                  command == BuildCommand::Structures  ? kStructures
+                  : command == BuildCommand::Micromaps ? kMicromaps
+                                                       : kHostMicromaps);
 }
 
 } // namespace vellum::layer

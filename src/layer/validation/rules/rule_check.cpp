@@ -5,6 +5,51 @@
 
 namespace vellum::layer
 {
+namespace
+{
+
+std::string placeOf(const AccessedAddress &accessed)
+{
+    const Place command(accessed.command);
+    const auto in = [](const Place &outer, const char *array, uint32_t index, auto next) {
+        return index == AccessedAddress::kNone ? next(outer) : next(outer.element(array, index));
+    };
+    return in(command, "pInfos", accessed.info, [&](const Place &info) {
+        return in(info, "pGeometries", accessed.geometry,
+                  [&](const Place &geometry) { return geometry.member(accessed.member).text(); });
+    });
+}
+
+void checkAddresses(const DeviceModel &device, AccessedAddresses &accessed)
+{
+    const uint64_t losses = device.objects.bufferLosses;
+    if (accessed.losses == losses)
+        return;
+    accessed.losses = losses;
+    for (const AccessedAddress &one : accessed.addresses)
+        if (device.state.rules.lacksBuffer(one.address))
+            device.fault(placeOf(one), one.vuid,
+                         "when the command is executed, no buffer has the address " + hex(one.address) +
+                             " any more: it was destroyed, or its memory was freed",
+                         one.object);
+}
+
+} // namespace
+
+void checkWhenExecuted(DeviceModel &device, VkCommandBuffer commandBuffer, const AccessedAddress &accessed)
+{
+    CommandLog *log = device.logs.get(commandBuffer);
+    if (!log)
+        return;
+    if (!log->accessed) {
+        log->accessed = std::make_shared<AccessedAddresses>();
+        log->accessed->losses = device.objects.bufferLosses;
+        device.logs.add(commandBuffer,
+                        [&device, all = log->accessed](const Submission &) { checkAddresses(device, *all); });
+    }
+    log->accessed->addresses.push_back(accessed);
+}
+
 void RuleCheck::whenExecuted(const char *vuid, std::function<std::string()> find) const
 {
     if (!vuid)
@@ -34,7 +79,7 @@ MemoryRange memoryAt(const DeviceModel &device, VkDeviceAddress address, VkDevic
 {
     const AddressMap::Location location = device.buffers.addresses.find(address);
     const auto buffer = location.buffer ? device.objects.buffers.get(location.buffer) : nullptr;
-    if (!buffer)
+    if (!buffer || bytes == 0)
         return {};
     const VkDeviceSize begin = buffer->memoryOffset + location.offset;
     return {buffer->memory, begin, begin + bytes};
@@ -63,11 +108,11 @@ void checkConstructed(const RuleCheck &check, const std::shared_ptr<ValidatedStr
     if (!micromap || !micromap->isMicromap())
         return;
     check.whenExecuted(vuid, [&device = check.device(), micromap]() -> std::string {
-        if (micromap->contents && !micromap->destroyed)
+        const char *lost = micromap->destroyed ? "it was destroyed" : lacksMemory(device, *micromap);
+        if (micromap->contents && !lost)
             return {};
-        return "the micromap " + device.nameOf(micromap->handle) +
-               (micromap->destroyed ? " is destroyed when the command is executed"
-                                    : " is not constructed when the command is executed");
+        return "the micromap " + device.nameOf(micromap->handle) + " is not constructed when the command is executed" +
+               (lost ? std::string(": ") + lost : std::string());
     });
 }
 

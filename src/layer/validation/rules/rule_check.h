@@ -75,6 +75,9 @@ MemoryRange memoryAt(const DeviceModel &device, VkDeviceAddress address, VkDevic
 
 // --- Rules that several commands have ---
 
+// Some buffer still has the address when the command buffer is executed.
+void checkWhenExecuted(DeviceModel &device, VkCommandBuffer commandBuffer, const AccessedAddress &accessed);
+
 // Some buffer at the address has the usage. Unknown addresses are not checked.
 void checkUsage(const RuleCheck &check, VkDeviceAddress address, VkFlags64 usage, const char *member, const char *vuid,
                 const char *usageName);

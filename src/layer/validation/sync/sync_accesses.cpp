@@ -130,16 +130,12 @@ void reportDestroyed(DeviceModel &device, const char *command,
                      const std::vector<std::shared_ptr<ValidatedStructure>> &structures)
 {
     for (const auto &structure : structures) {
-        const bool buffer = structure->buffer && structure->buffer->destroyed;
-        if (!structure->destroyed && !buffer)
-            continue;
-        device.driver.report().error("VELLUM-sync-destroyed",
-                                     std::string(command) + ": " +
-                                         (structure->isMicromap() ? "micromap " : "structure ") +
-                                         device.nameOf(structure->handle) +
-                                         (structure->destroyed ? " was destroyed" : "'s buffer was destroyed") +
-                                         " before the command buffer was submitted",
-                                     structure->handle.type, structure->handle.handle);
+        const char *lost = structure->destroyed ? "it was destroyed" : lacksMemory(device, *structure);
+        if (lost)
+            device.fault(Place(command), "VELLUM-sync-destroyed",
+                         (structure->isMicromap() ? "micromap " : "structure ") + device.nameOf(structure->handle) +
+                             ": " + lost + " when the command buffer is submitted",
+                         structure->handle);
     }
 }
 

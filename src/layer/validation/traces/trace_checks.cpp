@@ -243,6 +243,102 @@ size_t TraceMarks::report(DeviceModel &device, bool idle)
     return looked;
 }
 
+// --- What was destroyed
+
+namespace
+{
+
+struct LostPart {
+    uint32_t instance = 0;
+    LostStructures::Loss loss;
+    std::shared_ptr<ValidatedStructure> structure{}; // whose micromap was lost; null: the instance's structure was
+    size_t geometry = 0;
+};
+
+// The first instance whose structure, or a micromap of whose structure, is not valid when rays are traced.
+std::optional<LostPart> lostPart(const DeviceModel &device, const TraceUse &use, uint64_t built,
+                                 std::span<const VkDeviceAddress> references)
+{
+    const LostStructures &lost = device.objects.lost;
+    for (uint32_t i = 0; i < references.size(); ++i) {
+        if (references[i] == 0)
+            continue;
+        const auto structure = device.objects.byReference.at(references[i]);
+        if (!structure || structure->destroyed || lacksMemory(device, *structure)) {
+            // What was lost before the structure was built is a violation of the build.
+            const auto loss = lost.byReference(references[i]);
+            if (loss && loss->number > built && loss->number <= use.number)
+                return LostPart{i, *loss};
+            continue;
+        }
+        const auto contents = structure->contents;
+        if (!contents || structure->since > use.number)
+            continue; // unknown, or built again since
+        for (size_t g = 0; g < contents->geometries.size(); ++g) {
+            const uint64_t micromap = contents->geometries[g].micromapNumber;
+            const auto loss = micromap != 0 ? lost.byNumber(micromap) : std::nullopt;
+            if (loss && loss->number <= use.number)
+                return LostPart{i, *loss, structure, g};
+        }
+    }
+    return {};
+}
+
+void reportLost(const DeviceModel &device, const TraceUse &use, const std::string &text)
+{
+    const ObjectHandle structure = use.structure->handle;
+    device.driver.report().warning("VELLUM-trace-destroyed",
+                                   std::string(use.command) + ": " +
+                                       (use.shaderObject ? "shader object " : "pipeline ") + device.nameOf(use.code) +
+                                       " can trace rays in structure " + device.nameOf(structure) + ": " + text,
+                                   structure.type, structure.handle);
+}
+
+} // namespace
+
+void TracedStructures::use(DeviceModel &device, const TraceUse &use)
+{
+    const uint64_t losses = device.objects.lost.count();
+    ValidatedStructure &structure = *use.structure;
+    if (const char *how = structure.destroyed ? "it was destroyed" : lacksMemory(device, structure))
+        return reportLost(device, use, how);
+    if (!use.contents || !use.contents->instances.memory || structure.losses == losses)
+        return;
+    structure.losses = losses;
+    const std::lock_guard lock(mutex_);
+    traced_.push_back({use, structure.built});
+    any_ = true;
+}
+
+void TracedStructures::check(const DeviceModel &device, const Traced &traced,
+                             std::span<const VkDeviceAddress> references)
+{
+    const TraceUse &use = traced.use;
+    const auto part = lostPart(device, use, traced.built, references);
+    if (!part)
+        return;
+    const std::string what = part->structure
+                                 ? "micromap " + device.nameOf(part->loss.handle) + " of geometry " +
+                                       std::to_string(part->geometry) + " of " + device.nameOf(part->structure->handle)
+                                 : "structure " + device.nameOf(part->loss.handle);
+    reportLost(device, use, what + ", of instance " + std::to_string(part->instance) + ", " + part->loss.how);
+}
+
+void TracedStructures::report(DeviceModel &device)
+{
+    if (!any_)
+        return;
+    const std::lock_guard submissions(device.logs.submissions); // change what structures hold
+    const std::lock_guard lock(mutex_);
+    std::erase_if(traced_, [&](const Traced &traced) {
+        const auto references = traced.use.contents->instances.references();
+        if (references)
+            check(device, traced, *references);
+        return references.has_value();
+    });
+    any_ = !traced_.empty();
+}
+
 // --- Commands
 
 namespace
@@ -267,11 +363,14 @@ void useSite(DeviceTraces &traces, const TracingSite &site, const StructureSet *
     const auto useStructure = [&](const std::shared_ptr<ValidatedStructure> &structure) {
         use.contents = structure && isOrdered ? structure->contents : nullptr;
         use.structure = structure;
-        traces.marks.use(site.mark->index(), use);
+        if (structure)
+            traces.traced.use(traces.device, use);
+        if (site.mark)
+            traces.marks.use(site.mark->index(), use);
     };
     const auto structures =
-        set ? traces.device.objects.descriptors.structures(*set, site.binding->binding, site.binding->element)
-            : std::vector<std::shared_ptr<ValidatedStructure>>{};
+        set ? traces.device.objects.descriptors.structures(*set, site.binding.binding, site.binding.element)
+            : StructurePointers{};
     for (const auto &structure : structures)
         useStructure(structure);
     if (structures.empty())
@@ -369,7 +468,7 @@ void runTracing(DeviceTraces &traces, VkCommandBuffer commandBuffer, VkPipelineB
     PointBindings &bindings = log->traces.at(point);
     for (const auto &[stage, code] : bindings.code) {
         for (const TracingSite &site : code->sites) {
-            const auto bound = bindings.sets.find(site.binding->set);
+            const auto bound = bindings.sets.find(site.binding.set);
             auto set = bound == bindings.sets.end() ? nullptr : bound->second;
             traces.device.logs.add(commandBuffer,
                                    [&traces, &site, command, code = code, set](const Submission &submission) {

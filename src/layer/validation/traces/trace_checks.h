@@ -49,11 +49,10 @@ private:
     uint32_t index_;
 };
 
-// A place where the shader of a pipeline or a shader object traces rays.
+// A place where the shader of a pipeline or a shader object traces rays in a structure of a descriptor.
 struct TracingSite {
-    std::shared_ptr<const TraceMark> mark; // that of a library is also of the pipelines that are made of it
-    uint32_t rules = 0;                    // kRule*
-    std::optional<spirv::StructureBinding> binding;
+    std::shared_ptr<const TraceMark> mark; // that of a library is also of the pipelines made of it; null: it has none
+    spirv::StructureBinding binding;
 };
 
 // The code of a pipeline or shader object, as far as rules are about it.
@@ -127,10 +126,32 @@ private:
     std::vector<uint32_t> watched_; // marks whose sites were used, and of which more can become certain
 };
 
+// Top-level structures that shaders may trace rays in, whose instances or their micromaps may have been destroyed.
+class TracedStructures
+{
+public:
+    // The use is submitted. CommandLogs::submissions is held.
+    void use(DeviceModel &device, const TraceUse &use);
+    // Reports structures of which the instances are known now.
+    void report(DeviceModel &device);
+
+private:
+    struct Traced {
+        TraceUse use;
+        uint64_t built = 0; // ValidatedStructure::built of the structure at that time
+    };
+    static void check(const DeviceModel &device, const Traced &traced, std::span<const VkDeviceAddress> references);
+
+    std::atomic<bool> any_ = false; // read without the mutex
+    std::mutex mutex_;
+    std::vector<Traced> traced_; // whose instances are not known yet
+};
+
 // The check of what rays meet, a part of the check `gpu`.
 struct DeviceTraces {
     DeviceModel &device;
     TraceMarks marks{};
+    TracedStructures traced{};
     std::atomic<bool> deserializes = false;                                            // a structure was deserialized
     HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> modules{}; // that trace rays
     HandleMap<VkPipeline, std::shared_ptr<const TracingCode>> pipelines{};

@@ -59,35 +59,57 @@ uint32_t rulesOf(const EnabledFeatures &enabled, bool query, bool hasMode, VkFla
     return rules;
 }
 
-// The words of a copy of the shader with marks, and its sites. Empty: no rule can be broken, or it cannot be seen.
-std::vector<uint32_t> withMarks(DeviceTraces &traces, const Stage &stage, std::vector<TracingSite> &sites)
+// Where a shader traces rays, and the words of a copy of it with marks. No words: no rule that marks are for can be
+// broken, or it cannot be seen.
+struct TracedStage {
+    std::vector<TracingSite> sites;
+    std::vector<uint32_t> words;
+    // The shader stays as it is.
+    void removeMarks()
+    {
+        words.clear();
+        for (TracingSite &site : sites)
+            site.mark.reset();
+    }
+};
+
+bool canHaveMarks(const DeviceTraces &traces, const Stage &stage)
 {
+    return (traces.device.facts.storingStages & static_cast<VkShaderStageFlags>(stage.stage)) != 0 &&
+           (stage.flags & kUntouched) == 0;
+}
+
+TracedStage tracedStage(DeviceTraces &traces, const Stage &stage)
+{
+    TracedStage traced;
     const auto model = executionModelOf(stage.stage);
-    if (!traces.device.checks.gpu || !model ||
-        (traces.device.facts.storingStages & static_cast<VkShaderStageFlags>(stage.stage)) == 0 ||
-        (stage.flags & kUntouched) != 0)
-        return {};
+    if (!traces.device.checks.gpu || !model)
+        return traced;
     const spirv::StageName name{stage.name, *model};
     const std::vector<spirv::TraceSite> found = spirv::traceSites(stage.words, name);
     if (found.empty())
-        return {};
-    const bool hasMode = declaresMode(stage, name).value_or(true);
-    std::vector<TracingSite> marked;
+        return traced;
+    const bool hasMode = declaresMode(stage, name).value_or(true), canMark = canHaveMarks(traces, stage);
     std::vector<uint32_t> marks;
+    bool any = false;
     for (const spirv::TraceSite &site : found) {
-        const uint32_t rules = rulesOf(traces.device.driver.enabled, site.query, hasMode, stage.flags) |
-                               (traces.deserializes ? kRuleDeserialized : 0);
-        const auto mark = rules != 0 && site.binding ? traces.marks.add(traces.device.buffers.gpu, rules) : nullptr;
-        marks.push_back(mark ? mark->index() : UINT32_MAX);
+        marks.push_back(UINT32_MAX);
+        if (!site.binding)
+            continue;
+        const uint32_t rules = canMark ? rulesOf(traces.device.driver.enabled, site.query, hasMode, stage.flags) |
+                                             (traces.deserializes ? kRuleDeserialized : 0)
+                                       : 0;
+        const auto mark = rules != 0 ? traces.marks.add(traces.device.buffers.gpu, rules) : nullptr;
         if (mark)
-            marked.push_back({mark, rules, site.binding});
+            marks.back() = mark->index();
+        any = any || mark;
+        traced.sites.push_back({mark, *site.binding});
     }
-    if (marked.empty())
-        return {};
-    std::vector<uint32_t> words = spirv::markTraces(stage.words, name, traces.marks.address(), marks);
-    if (!words.empty())
-        sites.insert(sites.end(), marked.begin(), marked.end());
-    return words;
+    if (any)
+        traced.words = spirv::markTraces(stage.words, name, traces.marks.address(), marks);
+    if (traced.words.empty())
+        traced.removeMarks();
+    return traced;
 }
 
 } // namespace
@@ -174,23 +196,30 @@ void MarkedPipelines::change(VkPipelineShaderStageCreateInfo &stage)
     const std::span<const uint32_t> words =
         known ? std::span(*known) : std::span(inlined->pCode, inlined->codeSize / 4);
     const Stage code{stage.stage, words, stage.pName, stage.pSpecializationInfo, made.flags};
-    std::vector<TracingSite> sites;
-    const std::vector<uint32_t> marked = withMarks(traces_, code, sites);
-    if (marked.empty())
-        return;
+    TracedStage traced = tracedStage(traces_, code);
+    if (!traced.words.empty() && !useCopy(stage, words, traced.words))
+        traced.removeMarks();
+    made.sites.insert(made.sites.end(), traced.sites.begin(), traced.sites.end());
+}
+
+bool MarkedPipelines::useCopy(VkPipelineShaderStageCreateInfo &stage, std::span<const uint32_t> original,
+                              std::span<const uint32_t> words)
+{
     VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
-    info.codeSize = marked.size() * sizeof(uint32_t);
-    info.pCode = marked.data();
-    input::OriginalCode original{words}; // the implementation warns of each code once
-    const input::Checked checked(info.pCode, original);
+    info.codeSize = words.size_bytes();
+    info.pCode = words.data();
+    input::OriginalCode code{original}; // the implementation warns of each code once
+    const input::Checked checked(info.pCode, code);
     VkShaderModule &module = modules_.emplace_back(VK_NULL_HANDLE);
-    if (device_.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &module) != VK_SUCCESS)
-        return modules_.pop_back();
-    made.sites.insert(made.sites.end(), sites.begin(), sites.end());
+    if (device_.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &module) != VK_SUCCESS) {
+        modules_.pop_back();
+        return false;
+    }
     stage.module = module;
     Chain &chain = chains_.emplace_back(stage.pNext);
     chain.remove(VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
     stage.pNext = chain.head();
+    return true;
 }
 
 void MarkedPipelines::addLibraries(const VkPipelineLibraryCreateInfoKHR *libraries)
@@ -213,11 +242,14 @@ void MarkedShaders::change(VkShaderCreateInfoEXT &info)
     code = std::make_shared<TracingCode>();
     code->shaderObject = true;
     const std::span<const uint32_t> words(static_cast<const uint32_t *>(info.pCode), info.codeSize / 4);
-    auto marked = withMarks(traces_, {info.stage, words, info.pName, info.pSpecializationInfo, flags}, code->sites);
-    if (marked.empty())
+    TracedStage traced = tracedStage(traces_, {info.stage, words, info.pName, info.pSpecializationInfo, flags});
+    if (traced.sites.empty())
         return;
+    code->sites = std::move(traced.sites);
     entry = traces_.shaders.entry(code);
-    words_.push_back(std::move(marked));
+    if (traced.words.empty())
+        return;
+    words_.push_back(std::move(traced.words));
     info.pCode = words_.back().data();
     info.codeSize = words_.back().size() * sizeof(uint32_t);
 }

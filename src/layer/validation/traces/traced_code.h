@@ -43,6 +43,9 @@ private:
     void begin(const void *pNext, VkPipelineCreateFlags flags);
     void change(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count);
     void change(VkPipelineShaderStageCreateInfo &stage);
+    // Gives the stage other words than its original ones. Returns whether it could.
+    bool useCopy(VkPipelineShaderStageCreateInfo &stage, std::span<const uint32_t> original,
+                 std::span<const uint32_t> words);
     void addLibraries(const VkPipelineLibraryCreateInfoKHR *libraries);
 
     DeviceTraces &traces_;
