@@ -57,6 +57,7 @@ protected:
     {
         testing::internal::CaptureStderr();
         settings_ = readSettings(chain);
+        Reporter().apply(settings_, nullptr);
         return testing::internal::GetCapturedStderr();
     }
 
@@ -277,9 +278,8 @@ TEST_F(SettingsTest, WrongValuesAreReportedAndIgnored)
     for (const char *value : {"yes", "2", "ture", "o f f"}) {
         write(("vellum_opacity_micromap.constant_ray_flags = " + std::string(value)).c_str());
         setenv("VELLUM_STRICT", value, 1);
-        testing::internal::CaptureStderr();
-        const Settings settings = readSettings(nullptr);
-        const std::string said = testing::internal::GetCapturedStderr();
+        const std::string said = printed();
+        const Settings &settings = settings_;
         EXPECT_TRUE(settings.constantRayFlags) << value;
         EXPECT_FALSE(settings.strict) << value;
         EXPECT_NE(said.find("VELLUM-setting: constant_ray_flags is \"" + std::string(value) + "\""), std::string::npos)
@@ -288,9 +288,8 @@ TEST_F(SettingsTest, WrongValuesAreReportedAndIgnored)
     }
     unsetenv("VELLUM_STRICT");
     write("vellum_opacity_micromap.report = loud\nvellum_opacity_micromap.valdiate = 1");
-    testing::internal::CaptureStderr();
-    EXPECT_EQ(readSettings(nullptr).report, ReportLevel::None);
-    const std::string said = testing::internal::GetCapturedStderr();
+    const std::string said = printed();
+    EXPECT_EQ(settings_.report, ReportLevel::None);
     EXPECT_NE(said.find("report is \"loud\""), std::string::npos) << said;
     EXPECT_NE(said.find("there is no setting valdiate"), std::string::npos) << said;
 }
@@ -353,14 +352,50 @@ TEST(ReporterTest, ToleratesUnlessStrict)
         device.validating = validating;
         texts.clear();
         Settings settings;
-        report.apply(settings);
+        report.apply(settings, nullptr);
         EXPECT_TRUE(InputCheck(device, place).report("VELLUM-a", nullptr, Severity::Tolerate, "one").accepted);
         settings.strict = true;
-        report.apply(settings);
+        report.apply(settings, nullptr);
         EXPECT_FALSE(InputCheck(device, place).report("VELLUM-a", nullptr, Severity::Tolerate, "two").accepted);
         EXPECT_EQ(texts, "warning: VELLUM-a: vkCommand: one; the layer goes on\nerror: VELLUM-a: vkCommand: two\n")
             << "validating: " << validating;
     }
+}
+
+// Faults of the settings go to the messengers of vkCreateInstance, or to the first one that is created after it, and to
+// the file that a setting of any source names.
+TEST_F(SettingsTest, FaultsReachMessengersAndTheFile)
+{
+    std::string texts;
+    VkDebugUtilsMessengerCreateInfoEXT info{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
+    info.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
+    info.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT;
+    info.pfnUserCallback = remember;
+    info.pUserData = &texts;
+    const auto file = folder_ / "messages";
+    write(("vellum_opacity_micromap.report_file = " + file.string() + "\nvellum_opacity_micromap.strict = loudly")
+              .c_str());
+    const std::string fault = "error: VELLUM-setting: strict is \"loudly\" (" + file_.string() +
+                              ") and must be 1, true, on, 0, false or off; the setting is ignored\n";
+    testing::internal::CaptureStderr();
+    const Settings settings = readSettings(nullptr);
+    Reporter ofInstance;
+    ofInstance.apply(settings, &info);
+    EXPECT_EQ(texts, fault);
+    ofInstance.addMessenger(VK_NULL_HANDLE, info);
+    EXPECT_EQ(texts, fault);
+    Reporter later;
+    later.apply(settings, nullptr);
+    EXPECT_EQ(texts, fault);
+    later.addMessenger(VK_NULL_HANDLE, info);
+    EXPECT_EQ(texts, fault + fault);
+    later.addMessenger(VK_NULL_HANDLE, info);
+    EXPECT_EQ(texts, fault + fault);
+    EXPECT_EQ("vellum: " + fault.substr(7), testing::internal::GetCapturedStderr());
+    std::ifstream written(file);
+    std::string line;
+    std::getline(written, line);
+    EXPECT_EQ(line.substr(6), fault.substr(7, fault.size() - 8));
 }
 
 // Whoever validates a program that has no messenger sees what is found.
@@ -370,7 +405,7 @@ TEST_F(SettingsTest, ValidationPrintsWhereNobodyListens)
         for (const char *name : {"VELLUM_REPORT", "VELLUM_REPORT_FILE", "VELLUM_VALIDATE"})
             set(name, variables.contains(name) ? variables.at(name) : nullptr);
         Reporter report;
-        report.apply(readSettings(nullptr));
+        report.apply(readSettings(nullptr), nullptr);
         std::string texts;
         VkDebugUtilsMessengerCreateInfoEXT info{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
         info.pfnUserCallback = remember;

@@ -5,8 +5,10 @@
 #include <cstdio>
 #include <cstring>
 #include <new>
+#include <set>
 #include <utility>
 
+#include "layer/base/pnext.h"
 #include "layer/base/system.h"
 
 namespace vellum::layer
@@ -45,12 +47,91 @@ void append(const std::string &file, std::string line)
 // them.
 thread_local HeldMessages *held = nullptr;
 
+std::string settingId()
+{
+    return std::string(kMessagePrefix) + "VELLUM-setting";
+}
+
+// Whether the process has not printed the text yet.
+bool isNewFault(const std::string &text)
+{
+    static std::mutex mutex;
+    static auto &printed = *new std::set<std::string>; // never destroyed: instances may be created by exit handlers
+    std::lock_guard lock(mutex);
+    return printed.insert(text).second;
+}
+
 } // namespace
+
+// A message as it is sent.
+struct Reporter::Sent {
+    VkDebugUtilsMessageSeverityFlagBitsEXT severity;
+    std::string_view id, text; // that end with 0
+    VkObjectType type = VK_OBJECT_TYPE_UNKNOWN;
+    uint64_t object = 0;
+    std::string_view objectName;
+};
+
+void Reporter::call(const Messenger &messenger, const Sent &message)
+{
+    VkDebugUtilsObjectNameInfoEXT name{VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT, nullptr, message.type,
+                                       message.object,
+                                       message.objectName.empty() ? nullptr : message.objectName.data()};
+    VkDebugUtilsMessengerCallbackDataEXT data{};
+    data.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CALLBACK_DATA_EXT;
+    data.pMessageIdName = message.id.data();
+    data.pMessage = message.text.data();
+    data.objectCount = message.object != 0 ? 1 : 0;
+    data.pObjects = &name;
+    const VkDebugUtilsMessageTypeFlagsEXT kind = message.severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT
+                                                     ? VK_DEBUG_UTILS_MESSAGE_TYPE_GENERAL_BIT_EXT
+                                                     : VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT;
+    if ((messenger.severities & VkDebugUtilsMessageSeverityFlagsEXT{message.severity}) != 0 &&
+        (messenger.types & kind) != 0)
+        messenger.callback(message.severity, kind, &data, messenger.userData);
+}
+
+void Reporter::apply(const Settings &settings, const void *instanceChain)
+{
+    level_ = settings.report;
+    levelAlone_ = settings.reportFile.empty() ? settings.reportAlone() : settings.report;
+    strict_ = settings.strict;
+    file_ = settings.reportFile;
+    limit_ = settings.messageLimit;
+    breakOnError_ = settings.breakOnError;
+    const std::string id = settingId();
+    for (const std::string &text : settings.faults) {
+        if (!isNewFault(text))
+            continue;
+        std::fprintf(stderr, "vellum: %s: %s\n", id.c_str(), text.c_str());
+        if (!file_.empty())
+            append(file_, "error " + id + ": " + text);
+    }
+    const auto find = [](const void *from) {
+        return findInChain<VkDebugUtilsMessengerCreateInfoEXT>(from,
+                                                               VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT);
+    };
+    const auto *info = find(instanceChain);
+    if (!info)
+        settingFaults_ = settings.faults;
+    for (; info; info = find(info->pNext))
+        for (const std::string &text : settings.faults)
+            call({VK_NULL_HANDLE, info->messageSeverity, info->messageType, info->pfnUserCallback, info->pUserData},
+                 {VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT, id, text});
+}
 
 void Reporter::addMessenger(VkDebugUtilsMessengerEXT handle, const VkDebugUtilsMessengerCreateInfoEXT &info)
 {
-    std::lock_guard lock(mutex_);
-    messengers_.push_back({handle, info.messageSeverity, info.messageType, info.pfnUserCallback, info.pUserData});
+    const Messenger messenger{handle, info.messageSeverity, info.messageType, info.pfnUserCallback, info.pUserData};
+    std::vector<std::string> faults;
+    {
+        std::lock_guard lock(mutex_);
+        messengers_.push_back(messenger);
+        faults.swap(settingFaults_);
+    }
+    const std::string id = settingId();
+    for (const std::string &text : faults)
+        call(messenger, {VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT, id, text});
 }
 
 void Reporter::removeMessenger(VkDebugUtilsMessengerEXT handle)
@@ -125,21 +206,8 @@ try {
     }
     if (levelOf(message.severity) <= (messengers.empty() ? levelAlone_ : level_))
         std::fprintf(stderr, "vellum: %s: %s\n", message.id.c_str(), message.text.c_str());
-    VkDebugUtilsObjectNameInfoEXT name{VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT, nullptr, message.type,
-                                       message.object, objectName.empty() ? nullptr : objectName.c_str()};
-    VkDebugUtilsMessengerCallbackDataEXT data{};
-    data.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CALLBACK_DATA_EXT;
-    data.pMessageIdName = message.id.c_str();
-    data.pMessage = message.text.c_str();
-    data.objectCount = message.object != 0 ? 1 : 0;
-    data.pObjects = &name;
-    const VkDebugUtilsMessageTypeFlagsEXT kind = message.severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT
-                                                     ? VK_DEBUG_UTILS_MESSAGE_TYPE_GENERAL_BIT_EXT
-                                                     : VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT;
-    for (const Messenger &m : messengers) {
-        if ((m.severities & VkDebugUtilsMessageSeverityFlagsEXT{message.severity}) != 0 && (m.types & kind) != 0)
-            m.callback(message.severity, kind, &data, m.userData);
-    }
+    for (const Messenger &m : messengers)
+        call(m, {message.severity, message.id, message.text, message.type, message.object, objectName});
     if (!file_.empty())
         append(file_, std::string(severityName(levelOf(message.severity))) + " " + message.id + ": " + message.text);
     if (breakOnError_ && message.severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT)

@@ -28,15 +28,9 @@ struct Message {
 class Reporter
 {
 public:
-    void apply(const Settings &settings)
-    {
-        level_ = settings.report;
-        levelAlone_ = settings.reportFile.empty() ? settings.reportAlone() : settings.report;
-        strict_ = settings.strict;
-        file_ = settings.reportFile;
-        limit_ = settings.messageLimit;
-        breakOnError_ = settings.breakOnError;
-    }
+    // Also reports the faults of the settings: on stderr and to the file, which get each text once in the life of the
+    // process, and to messengers, those of `instanceChain` or the first that the application creates.
+    void apply(const Settings &settings, const void *instanceChain);
     void addMessenger(VkDebugUtilsMessengerEXT handle, const VkDebugUtilsMessengerCreateInfoEXT &info);
     void removeMessenger(VkDebugUtilsMessengerEXT handle);
 
@@ -80,6 +74,8 @@ private:
     // `isLimited`: not if it is one too many of its id.
     void send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char *id, std::string_view text, VkObjectType type,
               uint64_t object, bool isLimited = true) noexcept;
+    struct Sent;
+    static void call(const Messenger &messenger, const Sent &message);
     // Counts a message of an id. Returns whether it is sent.
     bool isWithinLimit(const std::string &id);
 
@@ -91,6 +87,7 @@ private:
     bool breakOnError_ = false;
     std::mutex mutex_;
     std::vector<Messenger> messengers_;
+    std::vector<std::string> settingFaults_; // that no messenger has got
     std::unordered_map<uint64_t, std::string> names_;
     std::unordered_map<std::string, uint32_t> sent_; // messages of each id
 };

@@ -5,13 +5,10 @@
 #include <array>
 #include <cctype>
 #include <charconv>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
-#include <mutex>
 #include <optional>
-#include <set>
 #include <sstream>
 #include <variant>
 #include <vector>
@@ -64,24 +61,6 @@ constexpr std::pair<const char *, bool> kBooleans[] = {
     {"true", true}, {"false", false}, {"1", true}, {"0", false}, {"on", true}, {"off", false},
 };
 
-// Prints a fault in the settings, each text once in the life of the process. Settings are read before there is a
-// messenger, and may turn messages off, so faults go to stderr.
-void reportOnce(const std::string &text)
-{
-    static std::mutex mutex;
-    static auto &printed = *new std::set<std::string>; // never destroyed: instances may be created by exit handlers
-    std::lock_guard lock(mutex);
-    if (!printed.insert(text).second)
-        return;
-    std::fprintf(stderr, "vellum: %sVELLUM-setting: %s\n", kMessagePrefix, text.c_str());
-    // So that `vellum run` fails. The setting report_file itself is not known yet.
-    const std::string file = environmentVariable(std::string(kVariablePrefix) + "REPORT_FILE").value_or("");
-    std::string line = std::string("error ") + kMessagePrefix + "VELLUM-setting: " + text + "\n";
-    std::replace(line.begin(), line.end() - 1, '\n', ' ');
-    if (!file.empty() && !appendToFile(file, line))
-        std::fprintf(stderr, "vellum: %s cannot be written\n", file.c_str());
-}
-
 std::string trimmed(const std::string &text)
 {
     const size_t first = text.find_first_not_of(" \t\r");
@@ -113,144 +92,11 @@ struct Given {
     [[nodiscard]] std::string is(const std::string &found) const { return key + " is " + found + " (" + origin + ")"; }
 };
 
-// Returns whether the value is one.
-template <typename Value, size_t count>
-bool assign(Value &setting, const std::pair<const char *, Value> (&values)[count], const Given &given,
-            const char *expected)
-{
-    const std::optional<Value> value = named(values, given.value);
-    if (value)
-        setting = *value;
-    else
-        reportOnce(given.is("\"" + given.value + "\"") + " and must be " + expected + "; the setting is ignored");
-    return value.has_value();
-}
-
-// Names with commas; or all, none, or a boolean for these.
-void assignChecks(Checks &setting, const Given &given)
-{
-    Checks checks;
-    std::istringstream names(given.value);
-    for (std::string name; std::getline(names, name, ',');) {
-        name = trimmed(name);
-        const auto check = named(kChecks, name);
-        const std::optional<bool> every = inCapitals(name) == "ALL"    ? true
-                                          : inCapitals(name) == "NONE" ? false
-                                                                       : named(kBooleans, name);
-        if (!check && !every) {
-            reportOnce(
-                given.is("\"" + given.value + "\"") +
-                " and must be core, gpu, sync, several of them with commas, all or none; the setting is ignored");
-            return;
-        }
-        if (check)
-            checks.*(*check) = true;
-        else
-            for (const auto &[key, member] : kChecks)
-                checks.*member = *every;
-    }
-    setting = checks;
-}
-
 // Whether the setting is a limit of subdivision levels.
 bool isLevel(uint32_t Settings::*setting)
 {
     return setting == &Settings::most2StateLevel || setting == &Settings::most4StateLevel ||
            setting == &Settings::mostLossyLevel;
-}
-
-void assignNumber(uint32_t &setting, const Given &given, bool level)
-{
-    constexpr uint32_t kLeastLevel = 3; // Required Limits
-    uint32_t number = 0;
-    const char *end = given.value.data() + given.value.size();
-    const auto [rest, error] = std::from_chars(given.value.data(), end, number);
-    if (error != std::errc() || rest != end)
-        reportOnce(given.is("\"" + given.value + "\"") + " and must be a number; the setting is ignored");
-    else if (level && number != 0 && number < kLeastLevel)
-        reportOnce(given.is(given.value) + " and must be at least 3, as on every device; the setting is ignored");
-    else
-        setting = number;
-}
-
-void apply(Settings &settings, const Row &row, const Given &given)
-{
-    if (const auto *text = std::get_if<std::string Settings::*>(&row.member))
-        settings.**text = given.value;
-    else if (given.value.empty())
-        return;
-    else if (const auto *level = std::get_if<ReportLevel Settings::*>(&row.member))
-        settings.reportIsGiven |= assign(settings.**level, kLevels, given, "error, warning, info or none");
-    else if (const auto *preferred = std::get_if<Preferred Settings::*>(&row.member))
-        assign(settings.**preferred, kImplementations, given, "auto, driver, ext or emulated");
-    else if (const auto *checks = std::get_if<Checks Settings::*>(&row.member))
-        assignChecks(settings.**checks, given);
-    else if (const auto *number = std::get_if<uint32_t Settings::*>(&row.member))
-        assignNumber(settings.**number, given, isLevel(*number));
-    else
-        assign(settings.*std::get<bool Settings::*>(row.member), kBooleans, given, "1, true, on, 0, false or off");
-}
-
-// Null after a message if there is no such setting.
-const Row *rowOf(const Given &given)
-{
-    const auto found = std::ranges::find_if(kRows, [&](const Row &row) { return given.key == row.key; });
-    if (found != std::end(kRows))
-        return &*found;
-    reportOnce("there is no setting " + given.key + " (" + given.origin + ")");
-    return nullptr;
-}
-
-// An empty value in a file leaves the setting alone: Vulkan Configurator writes one for each setting without a value.
-void readFile(Settings &settings)
-{
-    const std::string path = settingsFile(reportOnce);
-    std::ifstream file(utf8Path(path));
-    for (std::string line; !path.empty() && std::getline(file, line);) {
-        if (line.starts_with("\xef\xbb\xbf")) // the mark of UTF-8 by which editors of Windows begin a file
-            line.erase(0, 3);
-        line = trimmed(line.substr(0, line.find('#')));
-        const size_t equals = line.find('=');
-        if (equals == std::string::npos || line.rfind(kFilePrefix, 0) != 0)
-            continue;
-        const size_t begin = std::strlen(kFilePrefix);
-        const Given given{trimmed(line.substr(begin, equals - begin)), path, trimmed(line.substr(equals + 1))};
-        const Row *row = rowOf(given);
-        if (row && !given.value.empty())
-            apply(settings, *row, given);
-    }
-}
-
-void readStructures(Settings &settings, const void *chain)
-{
-    const auto find = [](const void *from) {
-        return findInChain<VkLayerSettingsCreateInfoEXT>(from, VK_STRUCTURE_TYPE_LAYER_SETTINGS_CREATE_INFO_EXT);
-    };
-    for (const auto *info = find(chain); info; info = find(info->pNext)) {
-        for (uint32_t i = 0; i < info->settingCount; ++i) {
-            const VkLayerSettingEXT &setting = info->pSettings[i];
-            if (std::strcmp(setting.pLayerName, kLayerName) != 0)
-                continue;
-            Given given{setting.pSettingName, "VkLayerSettingEXT", {}};
-            const Row *row = rowOf(given);
-            if (!row || setting.valueCount == 0)
-                continue;
-            const bool isText = std::holds_alternative<std::string Settings::*>(row->member);
-            if (setting.type == VK_LAYER_SETTING_TYPE_STRING_EXT)
-                given.value = *static_cast<const char *const *>(setting.pValues);
-            else if (setting.type == VK_LAYER_SETTING_TYPE_BOOL32_EXT && !isText)
-                given.value = *static_cast<const VkBool32 *>(setting.pValues) ? "true" : "false";
-            else if (setting.type == VK_LAYER_SETTING_TYPE_UINT32_EXT &&
-                     std::holds_alternative<uint32_t Settings::*>(row->member))
-                given.value = std::to_string(*static_cast<const uint32_t *>(setting.pValues));
-            else {
-                reportOnce(given.is("of type " + std::to_string(setting.type)) + " and must be of type " +
-                           (isText ? "STRING" : "BOOL32 or STRING") + "; the setting is ignored");
-                continue;
-            }
-            apply(settings, *row, given);
-        }
-    }
 }
 
 // The prefixes of environment variables, from the weakest to the strongest. The first is the one that
@@ -267,39 +113,186 @@ bool isKnownVariable(const std::string &key)
            std::ranges::any_of(kOtherVariables, [&](const char *other) { return key.starts_with(other); });
 }
 
-void reportUnknownVariables(const std::array<std::string, 3> &prefixes)
+// Reads the sources one after the other.
+class SettingsReader
 {
-    for (const std::string &name : environmentNames()) {
-        const auto prefix =
-            std::ranges::find_if(prefixes, [&name](const std::string &p) { return name.starts_with(p); });
-        if (prefix != prefixes.end() && !isKnownVariable(name.substr(prefix->size())))
-            reportOnce("there is no setting " + name);
+public:
+    Settings read(const void *instanceChain)
+    {
+        settings_.cacheFolder = userCacheFolder();
+        readFile();
+        readStructures(instanceChain);
+        readVariables();
+        return std::move(settings_);
     }
-}
 
-void readVariables(Settings &settings)
-{
-    const std::array<std::string, 3> prefixes = variablePrefixes();
-    for (const std::string &prefix : prefixes) {
-        for (const Row &row : kRows) {
-            const std::string name = prefix + inCapitals(row.key);
-            if (const std::optional<std::string> value = environmentVariable(name))
-                apply(settings, row, {row.key, name, *value});
+private:
+    void fault(const std::string &text) { settings_.faults.push_back(text); }
+
+    // Returns whether the value is one.
+    template <typename Value, size_t count>
+    bool assign(Value &setting, const std::pair<const char *, Value> (&values)[count], const Given &given,
+                const char *expected)
+    {
+        const std::optional<Value> value = named(values, given.value);
+        if (value)
+            setting = *value;
+        else
+            fault(given.is("\"" + given.value + "\"") + " and must be " + expected + "; the setting is ignored");
+        return value.has_value();
+    }
+
+    // Names with commas; or all, none, or a boolean for these.
+    void assignChecks(Checks &setting, const Given &given)
+    {
+        Checks checks;
+        std::istringstream names(given.value);
+        for (std::string name; std::getline(names, name, ',');) {
+            name = trimmed(name);
+            const auto check = named(kChecks, name);
+            const std::optional<bool> every = inCapitals(name) == "ALL"    ? true
+                                              : inCapitals(name) == "NONE" ? false
+                                                                           : named(kBooleans, name);
+            if (!check && !every) {
+                fault(given.is("\"" + given.value + "\"") +
+                      " and must be core, gpu, sync, several of them with commas, all or none; the setting is ignored");
+                return;
+            }
+            if (check)
+                checks.*(*check) = true;
+            else
+                for (const auto &[key, member] : kChecks)
+                    checks.*member = *every;
+        }
+        setting = checks;
+    }
+
+    void assignNumber(uint32_t &setting, const Given &given, bool level)
+    {
+        constexpr uint32_t kLeastLevel = 3; // Required Limits
+        uint32_t number = 0;
+        const char *end = given.value.data() + given.value.size();
+        const auto [rest, error] = std::from_chars(given.value.data(), end, number);
+        if (error != std::errc() || rest != end)
+            fault(given.is("\"" + given.value + "\"") + " and must be a number; the setting is ignored");
+        else if (level && number != 0 && number < kLeastLevel)
+            fault(given.is(given.value) + " and must be at least 3, as on every device; the setting is ignored");
+        else
+            setting = number;
+    }
+
+    void apply(const Row &row, const Given &given)
+    {
+        if (const auto *text = std::get_if<std::string Settings::*>(&row.member))
+            settings_.**text = given.value;
+        else if (given.value.empty())
+            return;
+        else if (const auto *level = std::get_if<ReportLevel Settings::*>(&row.member))
+            settings_.reportIsGiven |= assign(settings_.**level, kLevels, given, "error, warning, info or none");
+        else if (const auto *preferred = std::get_if<Preferred Settings::*>(&row.member))
+            assign(settings_.**preferred, kImplementations, given, "auto, driver, ext or emulated");
+        else if (const auto *checks = std::get_if<Checks Settings::*>(&row.member))
+            assignChecks(settings_.**checks, given);
+        else if (const auto *number = std::get_if<uint32_t Settings::*>(&row.member))
+            assignNumber(settings_.**number, given, isLevel(*number));
+        else
+            assign(settings_.*std::get<bool Settings::*>(row.member), kBooleans, given, "1, true, on, 0, false or off");
+    }
+
+    // Null after a message if there is no such setting.
+    const Row *rowOf(const Given &given)
+    {
+        const auto found = std::ranges::find_if(kRows, [&](const Row &row) { return given.key == row.key; });
+        if (found != std::end(kRows))
+            return &*found;
+        fault("there is no setting " + given.key + " (" + given.origin + ")");
+        return nullptr;
+    }
+
+    // An empty value in a file leaves the setting alone: Vulkan Configurator writes one for each setting without a
+    // value.
+    void readFile()
+    {
+        const std::string path = settingsFile([this](const std::string &text) { fault(text); });
+        std::ifstream file(utf8Path(path));
+        for (std::string line; !path.empty() && std::getline(file, line);) {
+            if (line.starts_with("\xef\xbb\xbf")) // the mark of UTF-8 by which editors of Windows begin a file
+                line.erase(0, 3);
+            line = trimmed(line.substr(0, line.find('#')));
+            const size_t equals = line.find('=');
+            if (equals == std::string::npos || line.rfind(kFilePrefix, 0) != 0)
+                continue;
+            const size_t begin = std::strlen(kFilePrefix);
+            const Given given{trimmed(line.substr(begin, equals - begin)), path, trimmed(line.substr(equals + 1))};
+            const Row *row = rowOf(given);
+            if (row && !given.value.empty())
+                apply(*row, given);
         }
     }
-    reportUnknownVariables(prefixes);
-}
+
+    void readStructures(const void *chain)
+    {
+        const auto find = [](const void *from) {
+            return findInChain<VkLayerSettingsCreateInfoEXT>(from, VK_STRUCTURE_TYPE_LAYER_SETTINGS_CREATE_INFO_EXT);
+        };
+        for (const auto *info = find(chain); info; info = find(info->pNext)) {
+            for (uint32_t i = 0; i < info->settingCount; ++i) {
+                const VkLayerSettingEXT &setting = info->pSettings[i];
+                if (std::strcmp(setting.pLayerName, kLayerName) != 0)
+                    continue;
+                Given given{setting.pSettingName, "VkLayerSettingEXT", {}};
+                const Row *row = rowOf(given);
+                if (!row || setting.valueCount == 0)
+                    continue;
+                const bool isText = std::holds_alternative<std::string Settings::*>(row->member);
+                if (setting.type == VK_LAYER_SETTING_TYPE_STRING_EXT)
+                    given.value = *static_cast<const char *const *>(setting.pValues);
+                else if (setting.type == VK_LAYER_SETTING_TYPE_BOOL32_EXT && !isText)
+                    given.value = *static_cast<const VkBool32 *>(setting.pValues) ? "true" : "false";
+                else if (setting.type == VK_LAYER_SETTING_TYPE_UINT32_EXT &&
+                         std::holds_alternative<uint32_t Settings::*>(row->member))
+                    given.value = std::to_string(*static_cast<const uint32_t *>(setting.pValues));
+                else {
+                    fault(given.is("of type " + std::to_string(setting.type)) + " and must be of type " +
+                          (isText ? "STRING" : "BOOL32 or STRING") + "; the setting is ignored");
+                    continue;
+                }
+                apply(*row, given);
+            }
+        }
+    }
+
+    void reportUnknownVariables(const std::array<std::string, 3> &prefixes)
+    {
+        for (const std::string &name : environmentNames()) {
+            const auto prefix =
+                std::ranges::find_if(prefixes, [&name](const std::string &p) { return name.starts_with(p); });
+            if (prefix != prefixes.end() && !isKnownVariable(name.substr(prefix->size())))
+                fault("there is no setting " + name);
+        }
+    }
+
+    void readVariables()
+    {
+        const std::array<std::string, 3> prefixes = variablePrefixes();
+        for (const std::string &prefix : prefixes) {
+            for (const Row &row : kRows) {
+                const std::string name = prefix + inCapitals(row.key);
+                if (const std::optional<std::string> value = environmentVariable(name))
+                    apply(row, {row.key, name, *value});
+            }
+        }
+        reportUnknownVariables(prefixes);
+    }
+
+    Settings settings_;
+};
 
 } // namespace
 
 Settings readSettings(const void *instanceChain)
 {
-    Settings settings;
-    settings.cacheFolder = userCacheFolder();
-    readFile(settings);
-    readStructures(settings, instanceChain);
-    readVariables(settings);
-    return settings;
+    return SettingsReader().read(instanceChain);
 }
 
 } // namespace vellum::layer

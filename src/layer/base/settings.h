@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The settings of the layer. Their sources, from the weakest to the strongest: vk_layer_settings.txt,
-// VkLayerSettingsCreateInfoEXT, environment variables. Unknown names and wrong values are reported on stderr.
+// VkLayerSettingsCreateInfoEXT, environment variables.
 #pragma once
 
 #include <algorithm>
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "layer/base/settings_table.h"
 
@@ -38,7 +39,8 @@ struct Settings {
 #define VELLUM_MEMBER(key, member, type, initial, label, description) type member = initial;
     VELLUM_SETTINGS(VELLUM_MEMBER)
 #undef VELLUM_MEMBER
-    bool reportIsGiven = false; // with any value
+    bool reportIsGiven = false;      // with any value
+    std::vector<std::string> faults; // unknown names and wrong values, as messages
 
     // Messages on stderr where nobody else gets them: with `validate`, unless `report` says otherwise.
     [[nodiscard]] ReportLevel reportAlone() const

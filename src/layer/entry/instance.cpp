@@ -108,7 +108,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, 
     stayLoaded();
     auto instance = std::make_unique<Instance>();
     instance->settings = readSettings(info->pNext);
-    instance->report.apply(instance->settings);
+    instance->report.apply(instance->settings, info->pNext);
     const VkResult result = nextCreate(info, allocator, handle);
     if (result != VK_SUCCESS)
         return result;
