@@ -24,6 +24,7 @@
 #include "layer/validation/traces/traced_code.h"
 #include "memory_device.h"
 
+#if defined(COUNTS_LOCKS)
 namespace
 {
 
@@ -31,7 +32,6 @@ thread_local long locksTaken = 0;
 
 } // namespace
 
-#if defined(COUNTS_LOCKS)
 extern "C" int pthread_mutex_lock(pthread_mutex_t *mutex)
 {
     static const auto next = reinterpret_cast<int (*)(pthread_mutex_t *)>(dlsym(RTLD_NEXT, "pthread_mutex_lock"));

@@ -75,6 +75,48 @@ TEST_F(ValidationCallback, StatesThatAnObjectWasDestroyed)
         messages, [](const Message &m) { return m.text.find("it was destroyed") != std::string::npos; }));
 }
 
+// A device is destroyed before its micromap.
+TEST_F(ValidationCallback, MicromapsThatAreNotDestroyed)
+{
+    const char *extensions[] = {VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
+                                VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME};
+    const float priority = 1;
+    const auto queue = vkInit<VkDeviceQueueCreateInfo>({.queueCount = 1, .pQueuePriorities = &priority});
+    auto addresses = vkInit<VkPhysicalDeviceBufferDeviceAddressFeatures>({.bufferDeviceAddress = VK_TRUE});
+    auto structures = vkInit<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
+        {.pNext = &addresses, .accelerationStructure = VK_TRUE});
+    auto micromaps = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>({.pNext = &structures, .micromap = VK_TRUE});
+    const auto info = vkInit<VkDeviceCreateInfo>({.pNext = &micromaps,
+                                                  .queueCreateInfoCount = 1,
+                                                  .pQueueCreateInfos = &queue,
+                                                  .enabledExtensionCount = std::size(extensions),
+                                                  .ppEnabledExtensionNames = extensions});
+    for (const bool leaks : {false, true}) {
+        VkDevice device = VK_NULL_HANDLE;
+        VT_CHECK(vkCreateDevice(gpu().physical(), &info, nullptr, &device));
+        const auto create =
+            reinterpret_cast<PFN_vkCreateMicromapEXT>(vkGetDeviceProcAddr(device, "vkCreateMicromapEXT"));
+        const auto destroy =
+            reinterpret_cast<PFN_vkDestroyMicromapEXT>(vkGetDeviceProcAddr(device, "vkDestroyMicromapEXT"));
+        const auto creation =
+            vkInit<VkBufferCreateInfo>({.size = 4096, .usage = VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT});
+        VkBuffer buffer = VK_NULL_HANDLE;
+        VT_CHECK(vkCreateBuffer(device, &creation, nullptr, &buffer));
+        const auto of = vkInit<VkMicromapCreateInfoEXT>(
+            {.buffer = buffer, .size = 4096, .type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT});
+        VkMicromapEXT micromap = VK_NULL_HANDLE;
+        VT_CHECK(create(device, &of, nullptr, &micromap));
+        if (!leaks)
+            destroy(device, micromap, nullptr);
+        vkDestroyBuffer(device, buffer, nullptr);
+        gpu().takeMessages();
+        vkDestroyDevice(device, nullptr);
+        EXPECT_EQ(std::ranges::count(gpu().takeMessages(), std::string("VELLUM-VUID-vkDestroyDevice-device-05137"),
+                                     &Message::id),
+                  leaks ? 1 : 0);
+    }
+}
+
 // VK_KHR_opacity_micromap requires VK_KHR_device_address_commands, whose command creates micromaps.
 TEST_F(ValidationCallback, DeviceWithoutAddressCommands)
 {

@@ -13,6 +13,9 @@ namespace
 
 constexpr VkDeviceAddress kWild = 0x7654'3210'0000;
 
+using ExtAttached = VkAccelerationStructureTrianglesOpacityMicromapEXT;
+using KhrAttached = VkAccelerationStructureTrianglesOpacityMicromapKHR;
+
 // --- Addresses ---
 
 // An address of a buffer that was destroyed.
@@ -426,14 +429,95 @@ void tracesWithDestroyedMicromap(Gpu &gpu, bool wrong)
     Tracer(gpu).trace(tlas, oneRay());
 }
 
+// Another micromap is built in the memory of one that a geometry has.
+void tracesOverwrittenMicromap(Gpu &gpu, bool wrong)
+{
+    const Twins twins(gpu);
+    Micromap like(gpu, oneTriangle());
+    like.build();
+    const Blas blas(
+        gpu, {Geometry{.vertices = triangleRow(1),
+                       .micromap = Attachment{.micromap = &like, .indexType = VK_INDEX_TYPE_UINT32, .indices = {0}}}});
+    Build build(gpu, blas);
+    auto given = *static_cast<const KhrAttached *>(build.geometry.geometry.triangles.pNext);
+    build.geometry.geometry.triangles.pNext = &given;
+    given.micromap = twins.built.khr;
+    gpu.submit([&](VkCommandBuffer commands) { build.record(commands); });
+    const Tlas tlas(gpu, {instance(blas, {}, 0)});
+    const auto rebuild = [&](const MicromapHandle &target) {
+        gpu.submit([&](VkCommandBuffer commands) {
+            recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{like.buildInfo(), target}});
+        });
+    };
+    rebuild(twins.other);
+    if (!wrong) {
+        rebuild(twins.built);
+        gpu.submit([&](VkCommandBuffer commands) { build.record(commands); });
+    }
+    Tracer(gpu).trace(tlas, oneRay());
+}
+
+// Structures in the memory of another one that was built. They were not.
+void tracesInUnbuilt(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {indexedTriangle()});
+    const Tlas built(gpu, {instance(blas, {}, 0)});
+    Tlas other(gpu);
+    other.useRoomOf(built);
+    other.create(built.size());
+    Tracer(gpu).trace(wrong ? other : built, oneRay());
+}
+void tracesUnbuiltInstance(Gpu &gpu, bool wrong)
+{
+    const Blas built(gpu, {indexedTriangle()});
+    Blas other(gpu);
+    other.create(built.size());
+    const Tlas tlas(gpu, {instance(wrong ? other : built, {}, 0)});
+    Tracer(gpu).trace(tlas, oneRay());
+}
+void copiesUnbuilt(Gpu &gpu, bool wrong)
+{
+    const Blas built(gpu, {indexedTriangle()});
+    Blas other(gpu), target(gpu);
+    other.useRoomOf(built);
+    other.create(built.size());
+    target.create(built.size());
+    const auto info =
+        vkInit<VkCopyAccelerationStructureInfoKHR>({.src = (wrong ? other : built).handle(),
+                                                    .dst = target.handle(),
+                                                    .mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR});
+    gpu.submit([&](VkCommandBuffer commands) { gpu.vk().CmdCopyAccelerationStructureKHR(commands, &info); });
+}
+
+// A micromap is destroyed after its build was recorded.
+template <bool submit2>
+void targetIsDestroyed(Gpu &gpu, bool wrong)
+{
+    const Micromap like(gpu, oneTriangle());
+    SharedMemory memory(gpu);
+    const MicromapHandle micromap = memory.create(0, like.size());
+    const VkCommandBuffer commands = gpu.begin();
+    recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{like.buildInfo(), micromap}});
+    gpu.end(commands);
+    if (wrong)
+        memory.destroy(micromap);
+    if (submit2) {
+        const auto info = vkInit<VkCommandBufferSubmitInfo>({.commandBuffer = commands});
+        const auto submit = vkInit<VkSubmitInfo2>({.commandBufferInfoCount = 1, .pCommandBufferInfos = &info});
+        VT_CHECK(vkQueueSubmit2(gpu.queue(), 1, &submit, VK_NULL_HANDLE));
+        VT_CHECK(vkQueueWaitIdle(gpu.queue()));
+    } else {
+        gpu.execute(commands);
+    }
+    vkFreeCommandBuffers(gpu.device(), gpu.pool(), 1, &commands);
+}
+
 #define ADDRESS(member) [](Build &build) -> VkDeviceAddress & { return build.member.deviceAddress; }
 #define VERTICES ADDRESS(geometry.geometry.triangles.vertexData)
 #define INDICES ADDRESS(geometry.geometry.triangles.indexData)
 #define TRANSFORM ADDRESS(geometry.geometry.triangles.transformData)
 #define SCRATCH ADDRESS(info.scratchData)
 
-using ExtAttached = VkAccelerationStructureTrianglesOpacityMicromapEXT;
-using KhrAttached = VkAccelerationStructureTrianglesOpacityMicromapKHR;
 constexpr auto kData = &VkMicromapBuildInfoEXT::data;
 constexpr auto kTriangles = &VkMicromapBuildInfoEXT::triangleArray;
 constexpr auto kScratch = &VkMicromapBuildInfoEXT::scratchData;
@@ -518,11 +602,17 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536", Api::Ext, kNeedsNothing, destroyedData<save>, "Destroyed"},
     {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739", Api::Khr, kNeedsNothing, destroyedData<save>,
      "Destroyed"},
-    {"trace-destroyed", Api::Ext, kNeedsNothing, tracesDestroyed<Lost::Structure>, "Structure"},
-    {"trace-destroyed", Api::Khr, kNeedsNothing, tracesDestroyed<Lost::Buffer>, "Buffer"},
-    {"trace-destroyed", Api::Khr, kNeedsNothing, tracesInDestroyed, "TopLevel"},
-    {"trace-destroyed", Api::Ext, kNeedsEmulation, tracesWithDestroyedMicromap<ExtAttached>, "MicromapExt"},
-    {"trace-destroyed", Api::Khr, kNeedsNothing, tracesWithDestroyedMicromap<KhrAttached>, "Micromap"},
+    {"trace-invalid-structure", Api::Ext, kNeedsNothing, tracesDestroyed<Lost::Structure>, "Structure"},
+    {"trace-invalid-structure", Api::Khr, kNeedsNothing, tracesDestroyed<Lost::Buffer>, "Buffer"},
+    {"trace-invalid-structure", Api::Khr, kNeedsNothing, tracesInDestroyed, "TopLevel"},
+    {"trace-invalid-structure", Api::Khr, kNeedsNothing, tracesOverwrittenMicromap, "Overwritten"},
+    {"trace-invalid-structure", Api::Khr, kNeedsNothing, tracesInUnbuilt, "Unbuilt"},
+    {"trace-invalid-structure", Api::Ext, kNeedsNothing, tracesUnbuiltInstance, "UnbuiltInstance"},
+    {"VUID-vkCmdCopyAccelerationStructureKHR-src-11633", Api::Ext, kNeedsNothing, copiesUnbuilt, "Bottom"},
+    {"VUID-vkQueueSubmit-pCommandBuffers-00070", Api::Khr, kNeedsNothing, targetIsDestroyed<false>},
+    {"VUID-vkQueueSubmit2-commandBuffer-03874", Api::Khr, kNeedsNothing, targetIsDestroyed<true>},
+    {"trace-invalid-structure", Api::Ext, kNeedsEmulation, tracesWithDestroyedMicromap<ExtAttached>, "MicromapExt"},
+    {"trace-invalid-structure", Api::Khr, kNeedsNothing, tracesWithDestroyedMicromap<KhrAttached>, "Micromap"},
 };
 
 #undef ADDRESS

@@ -72,6 +72,17 @@ public:
         return value;
     }
 
+    // Calls visit(handle, value) for each.
+    template <typename Visit>
+    void visit(Visit visit) const
+    {
+        for (const Shard &shard : shards_) {
+            std::shared_lock lock(shard.mutex);
+            for (const auto &[handle, value] : shard.values)
+                visit(handle, value);
+        }
+    }
+
 private:
     static constexpr float kNeverRehash = 1e9f;
     struct Shard {

@@ -53,7 +53,7 @@ void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,
 {
     if (target)
         device.logs.add(commandBuffer, [&device, target, contents](const Submission &submission) {
-            setContents(device, *target, submission.ordered ? contents : unknownContents(contents->type));
+            setContents(device, target, submission.ordered ? contents : unknownContents(contents->type));
         });
 }
 
@@ -72,7 +72,9 @@ void recordBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, const
         checks.add(build);
         const auto contents = contentsOf(device, build);
         captureContents(device, commandBuffer, build, *contents);
-        construct(device, commandBuffer, device.objects.structureOf(build.given->dstAccelerationStructure), contents);
+        const auto target = device.objects.structureOf(build.given->dstAccelerationStructure);
+        findReference(device, target);
+        construct(device, commandBuffer, target, contents);
     }
     checks.record();
     sync::recordBuilds(device.sync, commandBuffer, command, builds);

@@ -30,10 +30,11 @@ void copied(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &s
             const std::shared_ptr<ValidatedStructure> &target)
 {
     copyRecord(check.device(), check.commandBuffer(), source, target);
+    findReference(check.device(), target);
     if (target && source)
         check.whenExecuted([&device = check.device(), source, target] {
             const uint64_t built = source->built;
-            setContents(device, *target, source->contents);
+            setContents(device, target, source->contents);
             target->built = built;
         });
 }
@@ -44,9 +45,10 @@ void deserialized(const RuleCheck &check, const std::shared_ptr<ValidatedStructu
     if (!target)
         return;
     copyRecord(check.device(), check.commandBuffer(), nullptr, target);
+    findReference(check.device(), target);
     const auto contents = unknownContents(target->type);
     contents->header = std::move(header);
-    check.whenExecuted([&device = check.device(), target, contents] { setContents(device, *target, contents); });
+    check.whenExecuted([&device = check.device(), target, contents] { setContents(device, target, contents); });
 }
 
 input::Copy checkCopy(const RuleCheck &check, input::Copy copy, const char *constructed)

@@ -4,6 +4,22 @@
 namespace vellum::layer
 {
 
+void reportLeaks(const DeviceModel &device)
+{
+    size_t count = 0;
+    ObjectHandle first;
+    const auto add = [&](auto, const std::shared_ptr<ValidatedStructure> &structure) {
+        first = count++ == 0 ? structure->handle : first;
+    };
+    device.objects.micromaps.visit(add);
+    device.objects.structures.visit(add);
+    if (device.checks.core && count != 0)
+        device.fault(Place("vkDestroyDevice"), "VUID-vkDestroyDevice-device-05137",
+                     std::to_string(count) + " micromaps and acceleration structures were not destroyed; one is " +
+                         device.nameOf(first),
+                     first);
+}
+
 DeviceValidation::~DeviceValidation()
 {
     reportCompleted(*this, true);

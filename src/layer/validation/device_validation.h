@@ -32,6 +32,8 @@ struct RuleLimits {
 std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const RuleDevice &rules,
                                                    const RuleLimits &limits, PFN_vkGetDeviceProcAddr implementation,
                                                    std::shared_ptr<const std::vector<uint32_t>> queueFamilies);
+// The device is destroyed: reports objects that the application should have destroyed before.
+void reportLeaks(const DeviceModel &device);
 // Reports everything that is certain now: findings, checks that wait for the device, marks of shaders. `idle`: the
 // device executes nothing.
 void reportCompleted(DeviceValidation &device, bool idle);

@@ -39,8 +39,9 @@ VkResult buildAccelerationStructures(DeviceValidation &device, VkDevice handle, 
         if (!structure)
             continue;
         remember(device.objects, [&] {
+            findReference(device, structure);
             device.logs.add(VK_NULL_HANDLE, [&](const Submission &) {
-                setContents(device, *structure, unknownContents(infos[i].type));
+                setContents(device, structure, unknownContents(infos[i].type));
             });
         });
         if (structure->record)

@@ -68,19 +68,7 @@ std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, Objec
     return structure;
 }
 
-void setReference(DeviceValidation &device, const std::shared_ptr<ValidatedStructure> &structure,
-                  VkDeviceAddress address)
-{
-    if (structure->referenceAddress.exchange(address) == address)
-        return;
-    device.objects.byReference.add(address, structure);
-    if (structure->record)
-        device.records.setReference(address, *structure->record);
-    else
-        device.records.setIncomplete();
-}
-
-// An object must not be destroyed twice; reports the second time. Implementations would free its memory again.
+// Reports an object that was destroyed. Implementations would access its memory, or free it again.
 bool isDestroyed(DeviceValidation &device, ObjectHandle object, const char *command, const char *member,
                  const char *vuid)
 {
@@ -283,6 +271,10 @@ void destroyAccelerationStructure(DeviceValidation &device, VkDevice handle, VkA
 VkDeviceAddress getAccelerationStructureDeviceAddress(DeviceValidation &device, VkDevice handle,
                                                       const VkAccelerationStructureDeviceAddressInfoKHR *info)
 {
+    if (isDestroyed(device, info->accelerationStructure, "vkGetAccelerationStructureDeviceAddressKHR",
+                    "pInfo.accelerationStructure",
+                    "VUID-VkAccelerationStructureDeviceAddressInfoKHR-accelerationStructure-parameter"))
+        return 0;
     const VkDeviceAddress address = device.next.GetAccelerationStructureDeviceAddressKHR(handle, info);
     if (const auto structure = device.objects.structures.get(info->accelerationStructure))
         remember(device.objects, [&] { setReference(device, structure, address); });

@@ -42,13 +42,22 @@ SharedSteps stepsOf(const DeviceValidation &device, VkCommandBuffer commandBuffe
     return log ? log->steps : nullptr;
 }
 
-void execute(DeviceValidation &device, VkQueue queue, const SharedSteps &steps, bool ordered)
+const char *invalidIdOf(const VkSubmitInfo &)
+{
+    return "VUID-vkQueueSubmit-pCommandBuffers-00070";
+}
+const char *invalidIdOf(const VkSubmitInfo2 &)
+{
+    return "VUID-vkQueueSubmit2-commandBuffer-03874";
+}
+
+void execute(DeviceValidation &device, VkQueue queue, const SharedSteps &steps, const char *invalidId, bool ordered)
 {
     if (!steps)
         return;
     auto &waits = device.logs.waits[queue];
     std::erase_if(waits, [&](const auto &wait) { return !isLater(device, wait.first, wait.second); });
-    const Submission submission{queue, device.objects.queueFamilies.get(queue), ordered && waits.empty()};
+    const Submission submission{queue, device.objects.queueFamilies.get(queue), invalidId, ordered && waits.empty()};
     for (const CommandLog::Step &step : *steps)
         step(submission);
 }
@@ -65,7 +74,7 @@ void executeBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, 
     }
     sync::beginBatch(device.sync, queue, waits, ordered);
     for (const SharedSteps &commandBuffer : steps)
-        execute(device, queue, commandBuffer, ordered);
+        execute(device, queue, commandBuffer, invalidIdOf(batch), ordered);
     const std::vector<sync::SemaphoreUse> signals = sync::signalsOf(device.sync, batch);
     sync::endBatch(device.sync, queue, signals, ordered);
     for (const sync::SemaphoreUse &use : signals) {

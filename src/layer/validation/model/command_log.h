@@ -43,6 +43,8 @@ struct TraceBindings {
 struct Submission {
     VkQueue queue = VK_NULL_HANDLE;
     uint32_t family = 0;
+    // The rule that command buffers refer to no object that was destroyed.
+    const char *invalidId = nullptr;
     // All that it waits for was submitted before. Otherwise what structures hold when it is executed is not known.
     bool ordered = true;
 };

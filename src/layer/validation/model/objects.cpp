@@ -15,11 +15,70 @@ constexpr size_t kMostAddresses = size_t{1} << 20;
 
 } // namespace
 
-void setContents(DeviceModel &device, ValidatedStructure &structure, std::shared_ptr<const StructureContents> contents)
+void setContents(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure,
+                 std::shared_ptr<const StructureContents> contents)
 {
-    structure.contents = std::move(contents);
-    structure.losses = 0;
-    structure.since = structure.built = ++device.numbers;
+    structure->contents = std::move(contents);
+    structure->overwrittenBy = {};
+    structure->losses = 0;
+    structure->since = structure->built = ++device.numbers;
+    if (!structure->contents)
+        return;
+    const auto before = device.objects.constructed.set(structure);
+    if (!before || before->destroyed)
+        return;
+    before->contents = nullptr;
+    before->overwrittenBy = structure->handle;
+    device.objects.lost.add(*before, {structure->since, before->handle, "was overwritten by another structure"});
+}
+
+void setReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure, VkDeviceAddress address)
+{
+    if (structure->referenceAddress.exchange(address) == address)
+        return;
+    device.objects.byReference.add(address, structure);
+    if (structure->record)
+        device.records.setReference(address, *structure->record);
+    else
+        device.records.setIncomplete();
+}
+
+void findReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure)
+{
+    if (!device.checks.gpu || !structure || structure->isMicromap() || structure->referenceAddress != 0 ||
+        lacksMemory(device, *structure))
+        return;
+    const VkAccelerationStructureDeviceAddressInfoKHR info{
+        VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR, nullptr,
+        reinterpret_cast<VkAccelerationStructureKHR>(structure->handle.handle)};
+    setReference(device, structure, device.next.GetAccelerationStructureDeviceAddressKHR(device.driver.handle, &info));
+}
+
+std::string isNotConstructed(const DeviceModel &device, const ValidatedStructure &structure)
+{
+    if (structure.destroyed)
+        return "it was destroyed";
+    if (const char *lacks = lacksMemory(device, structure))
+        return lacks;
+    if (structure.contents || (!structure.isMicromap() && device.driver.enabled.otherStructures))
+        return {};
+    return structure.overwrittenBy ? device.nameOf(structure.overwrittenBy) + " was built in its memory since"
+                                   : "it was never built";
+}
+
+std::shared_ptr<ValidatedStructure> ConstructedStructures::set(const std::shared_ptr<ValidatedStructure> &structure)
+{
+    const ValidatedBuffer *buffer = structure->buffer.get();
+    if (!buffer || !buffer->memory)
+        return nullptr;
+    if (structures_.size() >= sweepAt_) {
+        std::erase_if(structures_, [](const auto &known) { return known.second.expired(); });
+        sweepAt_ = std::max<size_t>(64, 2 * structures_.size());
+    }
+    auto &there = structures_[{buffer->memory, buffer->memoryOffset + structure->offset}];
+    const auto before = there.lock();
+    there = structure;
+    return before == structure ? nullptr : before;
 }
 
 void LostStructures::add(const ValidatedStructure &structure, const Loss &loss)
@@ -31,7 +90,9 @@ void LostStructures::add(const ValidatedStructure &structure, const Loss &loss)
         return; // no instance names it
     if (losses.size() == kMost)
         losses.clear();
-    losses[structure.isMicromap() ? structure.number : reference] = loss;
+    Loss &known = losses[structure.isMicromap() ? structure.number : reference];
+    if (known.number <= structure.since || known.handle.handle != loss.handle.handle)
+        known = loss;
     ++count_;
 }
 
@@ -54,7 +115,10 @@ std::shared_ptr<ValidatedStructure> StructuresByReference::at(VkDeviceAddress re
 {
     const std::lock_guard lock(mutex_);
     std::shared_ptr<ValidatedStructure> last;
-    structures_.visit(reference, [&](const auto &structure) { last = structure; });
+    structures_.visit(reference, [&](const auto &structure) {
+        if (!last || !last->contents || structure->contents)
+            last = structure;
+    });
     return last;
 }
 

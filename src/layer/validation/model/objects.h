@@ -130,7 +130,8 @@ struct ValidatedStructure {
     std::shared_ptr<StructureRecords::Owner> record; // null without the check `gpu`
 
     // The rest changes when commands are executed, as far as the host can know: see CommandLog.
-    std::shared_ptr<const StructureContents> contents; // null: not constructed
+    std::shared_ptr<const StructureContents> contents; // null: not constructed, or overwritten
+    ObjectHandle overwrittenBy;                        // what was constructed in its memory since; none: nothing
     uint64_t since = 0;                                // DeviceModel::numbers when it got them
     uint64_t built = 0;                                // the same of the structure that they were copied from
     uint64_t losses = 0; // of a top-level structure: LostStructures::count() when its instances were last checked
@@ -177,8 +178,8 @@ private:
     std::set<uint64_t> handles_;
 };
 
-// Structures that were destroyed or lost their memory, and that others may still refer to: a top-level structure names
-// them by their reference, and a bottom-level structure has micromaps. Beyond kMost, all are forgotten.
+// Structures that were destroyed, overwritten, or lost their memory, and that others may still refer to: a top-level
+// structure names them by their reference, and a bottom-level structure has micromaps. Beyond kMost, all are forgotten.
 class LostStructures
 {
 public:
@@ -187,6 +188,7 @@ public:
         ObjectHandle handle;
         const char *how = nullptr; // a clause
     };
+    // A loss after which the structure was not constructed again stays the one that is found.
     void add(const ValidatedStructure &structure, const Loss &loss);
     [[nodiscard]] std::optional<Loss> byReference(VkDeviceAddress reference) const
     {
@@ -244,12 +246,26 @@ class StructuresByReference
 {
 public:
     void add(VkDeviceAddress reference, const std::shared_ptr<ValidatedStructure> &structure);
-    // The last one that got the reference; null if it is gone.
+    // The last one that got the reference, of those that are constructed if there are any; null if all are gone.
+    // CommandLogs::submissions is held.
     [[nodiscard]] std::shared_ptr<ValidatedStructure> at(VkDeviceAddress reference) const;
 
 private:
     mutable std::mutex mutex_;
     StructuresByAddress structures_;
+};
+
+// The structure that was constructed last at each location of memory. CommandLogs::submissions is held.
+class ConstructedStructures
+{
+public:
+    // Returns the one that was there before, if it is another one and still exists.
+    std::shared_ptr<ValidatedStructure> set(const std::shared_ptr<ValidatedStructure> &structure);
+
+private:
+    using Location = std::pair<VkDeviceMemory, VkDeviceSize>;
+    std::map<Location, std::weak_ptr<ValidatedStructure>> structures_;
+    size_t sweepAt_ = 64;
 };
 
 // The structures that may hold micromaps, by the address of their memory.
@@ -295,6 +311,7 @@ struct ValidatedObjects {
     StructuresByReference byReference;
     DestroyedHandles destroyed;
     LostStructures lost;
+    ConstructedStructures constructed;
     HandleMap<VkDeviceMemory, ValidatedMemory> memories;
     HandleMap<VkQueryPool, std::shared_ptr<ValidatedQueryPool>> queryPools;
     HandleMap<VkBuffer, std::shared_ptr<ValidatedBuffer>> buffers;
@@ -325,7 +342,15 @@ void remember(ValidatedObjects &objects, Keep keep) noexcept
 }
 
 // Gives a structure new contents. CommandLogs::submissions is held: in steps it is.
-void setContents(DeviceModel &device, ValidatedStructure &structure, std::shared_ptr<const StructureContents> contents);
+void setContents(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure,
+                 std::shared_ptr<const StructureContents> contents);
+// Instances name the structure by that address.
+void setReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure, VkDeviceAddress address);
+// The same for a structure that is about to be constructed: the application may know the address from an earlier one
+// that was there. `structure`: null if it is unknown.
+void findReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure);
+// Why a structure is not constructed, as a clause; empty: it is, or that is not known.
+std::string isNotConstructed(const DeviceModel &device, const ValidatedStructure &structure);
 // Why a structure has no memory, as a clause; null: it has memory, or that is not known.
 const char *lacksMemory(const DeviceModel &device, const ValidatedStructure &structure);
 // The contents of a structure that was made in a way that does not show them.

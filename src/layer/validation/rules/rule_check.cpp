@@ -103,31 +103,30 @@ bool checkMultiple(const RuleCheck &check, uint64_t value, uint64_t divisor, con
     return false;
 }
 
-void checkConstructed(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &micromap, const char *vuid)
+void checkConstructed(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &structure, const char *vuid)
 {
-    if (!micromap || !micromap->isMicromap())
+    if (!structure)
         return;
-    check.whenExecuted(vuid, [&device = check.device(), micromap]() -> std::string {
-        const char *lost = micromap->destroyed ? "it was destroyed" : lacksMemory(device, *micromap);
-        if (micromap->contents && !lost)
-            return {};
-        return "the micromap " + device.nameOf(micromap->handle) + " is not constructed when the command is executed" +
-               (lost ? std::string(": ") + lost : std::string());
+    check.whenExecuted(vuid, [&device = check.device(), structure]() -> std::string {
+        const std::string found = isNotConstructed(device, *structure);
+        return found.empty()
+                   ? found
+                   : device.nameOf(structure->handle) + " is not constructed when the command is executed: " + found;
     });
 }
 
-void checkCompactable(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &micromap, const char *vuid)
+void checkCompactable(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &structure, const char *vuid)
 {
-    if (!micromap || !micromap->isMicromap())
+    if (!structure)
         return;
-    const bool ext = micromap->handle.type == VK_OBJECT_TYPE_MICROMAP_EXT;
+    const bool ext = structure->handle.type == VK_OBJECT_TYPE_MICROMAP_EXT;
     const VkFlags allowed = ext ? VkFlags{VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT}
                                 : VkFlags{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR};
-    check.whenExecuted(vuid, [&device = check.device(), micromap, allowed]() -> std::string {
-        const auto contents = micromap->contents;
+    check.whenExecuted(vuid, [&device = check.device(), structure, allowed]() -> std::string {
+        const auto contents = structure->contents;
         if (!contents || contents->deserialized || (contents->flags & allowed) != 0)
             return {};
-        return "the micromap " + device.nameOf(micromap->handle) + " was built without the flag that allows compaction";
+        return device.nameOf(structure->handle) + " was built without the flag that allows compaction";
     });
 }
 

@@ -82,9 +82,9 @@ void checkWhenExecuted(DeviceModel &device, VkCommandBuffer commandBuffer, const
 void checkUsage(const RuleCheck &check, VkDeviceAddress address, VkFlags64 usage, const char *member, const char *vuid,
                 const char *usageName);
 bool checkMultiple(const RuleCheck &check, uint64_t value, uint64_t divisor, const char *member, const char *vuid);
-// The micromap is constructed when the command is executed. Does nothing for other structures.
-void checkConstructed(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &micromap, const char *vuid);
-// The micromap was built with a flag that allows compaction, where its flags are known.
-void checkCompactable(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &micromap, const char *vuid);
+// The micromap or structure is constructed when the command is executed.
+void checkConstructed(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &structure, const char *vuid);
+// It was built with a flag that allows compaction, where its flags are known.
+void checkCompactable(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &structure, const char *vuid);
 
 } // namespace vellum::layer

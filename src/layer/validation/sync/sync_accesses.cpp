@@ -126,15 +126,15 @@ void report(DeviceModel &device, const Hazard &hazard)
     device.driver.report().error(id, text, later.object.type, later.object.handle);
 }
 
-void reportDestroyed(DeviceModel &device, const char *command,
+void reportDestroyed(DeviceModel &device, const Submission &submission, const char *command,
                      const std::vector<std::shared_ptr<ValidatedStructure>> &structures)
 {
     for (const auto &structure : structures) {
         const char *lost = structure->destroyed ? "it was destroyed" : lacksMemory(device, *structure);
         if (lost)
-            device.fault(Place(command), "VELLUM-sync-destroyed",
+            device.fault(Place(command), submission.invalidId,
                          (structure->isMicromap() ? "micromap " : "structure ") + device.nameOf(structure->handle) +
-                             ": " + lost + " when the command buffer is submitted",
+                             ": " + lost + " before the command buffer was submitted",
                          structure->handle);
     }
 }
@@ -190,7 +190,7 @@ public:
             return;
         sync_.device.logs.add(commandBuffer_, [&sync = sync_, command = command_, accesses = std::move(accesses_),
                                                structures = std::move(structures_)](const Submission &submission) {
-            reportDestroyed(sync.device, command, structures);
+            reportDestroyed(sync.device, submission, command, structures);
             for (const Hazard &hazard : sync.tracker.access(uint64_t(submission.queue), accesses))
                 report(sync.device, hazard);
         });

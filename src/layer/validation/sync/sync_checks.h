@@ -154,7 +154,7 @@ Range rangeIn(const DeviceModel &device, VkBuffer buffer, VkDeviceSize offset, V
 std::string placeOf(const Access &access);
 void report(DeviceModel &device, const Hazard &hazard);
 // Structures that a submitted command refers to.
-void reportDestroyed(DeviceModel &device, const char *command,
+void reportDestroyed(DeviceModel &device, const Submission &submission, const char *command,
                      const std::vector<std::shared_ptr<ValidatedStructure>> &structures);
 
 } // namespace sync

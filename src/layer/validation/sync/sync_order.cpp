@@ -305,8 +305,13 @@ void checkDestruction(DeviceSync &sync, const ValidatedBuffer *buffer)
 {
     if (!sync.device.checks.sync || !buffer)
         return;
-    const Range range = rangeIn(sync.device, buffer->handle, 0, buffer->size);
-    if (const auto use = sync.tracker.pendingUse(range, buffer->handle))
+    std::optional<Access> use =
+        sync.tracker.pendingUse(rangeIn(sync.device, buffer->handle, 0, buffer->size), buffer->handle);
+    buffer->structures.visit([&](const std::shared_ptr<ValidatedStructure> &structure) {
+        if (!use && !structure->destroyed && !structure->byAddress)
+            use = sync.tracker.pendingUse(locationOf(structure.get()).range, structure->handle);
+    });
+    if (use)
         sync.device.fault(Place("vkDestroyBuffer"), "VUID-vkDestroyBuffer-buffer-00922",
                           sync.device.nameOf(buffer->handle) + " is used by " + placeOf(*use) + " (" + use->subject +
                               "), which is not known to be complete",

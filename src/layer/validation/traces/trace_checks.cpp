@@ -272,12 +272,22 @@ std::optional<LostPart> lostPart(const DeviceModel &device, const TraceUse &use,
             continue;
         }
         const auto contents = structure->contents;
-        if (!contents || structure->since > use.number)
-            continue; // unknown, or built again since
+        if (!contents) {
+            const std::string how = isNotConstructed(device, *structure);
+            const auto loss =
+                structure->overwrittenBy
+                    ? lost.byReference(references[i])
+                    : std::optional(LostStructures::Loss{.handle = structure->handle, .how = "was never built"});
+            if (!how.empty() && loss && loss->number <= use.number)
+                return LostPart{i, *loss};
+            continue;
+        }
+        if (structure->since > use.number)
+            continue; // built again since
         for (size_t g = 0; g < contents->geometries.size(); ++g) {
             const uint64_t micromap = contents->geometries[g].micromapNumber;
             const auto loss = micromap != 0 ? lost.byNumber(micromap) : std::nullopt;
-            if (loss && loss->number <= use.number)
+            if (loss && loss->number > structure->built && loss->number <= use.number)
                 return LostPart{i, *loss, structure, g};
         }
     }
@@ -287,7 +297,7 @@ std::optional<LostPart> lostPart(const DeviceModel &device, const TraceUse &use,
 void reportLost(const DeviceModel &device, const TraceUse &use, const std::string &text)
 {
     const ObjectHandle structure = use.structure->handle;
-    device.driver.report().warning("VELLUM-trace-destroyed",
+    device.driver.report().warning("VELLUM-trace-invalid-structure",
                                    std::string(use.command) + ": " +
                                        (use.shaderObject ? "shader object " : "pipeline ") + device.nameOf(use.code) +
                                        " can trace rays in structure " + device.nameOf(structure) + ": " + text,
@@ -296,12 +306,14 @@ void reportLost(const DeviceModel &device, const TraceUse &use, const std::strin
 
 } // namespace
 
-void TracedStructures::use(DeviceModel &device, const TraceUse &use)
+void TracedStructures::use(DeviceModel &device, const TraceUse &use, bool isOrdered)
 {
-    const uint64_t losses = device.objects.lost.count();
     ValidatedStructure &structure = *use.structure;
-    if (const char *how = structure.destroyed ? "it was destroyed" : lacksMemory(device, structure))
-        return reportLost(device, use, how);
+    const std::string found = isNotConstructed(device, structure);
+    // What is built where the order is not known is unknown as well.
+    if (!found.empty() && (isOrdered || structure.contents))
+        return reportLost(device, use, found);
+    const uint64_t losses = 1 + device.objects.lost.count(); // 0: instances were not checked
     if (!use.contents || !use.contents->instances.memory || structure.losses == losses)
         return;
     structure.losses = losses;
@@ -364,7 +376,7 @@ void useSite(DeviceTraces &traces, const TracingSite &site, const StructureSet *
         use.contents = structure && isOrdered ? structure->contents : nullptr;
         use.structure = structure;
         if (structure)
-            traces.traced.use(traces.device, use);
+            traces.traced.use(traces.device, use, isOrdered);
         if (site.mark)
             traces.marks.use(site.mark->index(), use);
     };

@@ -130,8 +130,8 @@ private:
 class TracedStructures
 {
 public:
-    // The use is submitted. CommandLogs::submissions is held.
-    void use(DeviceModel &device, const TraceUse &use);
+    // The use is submitted. CommandLogs::submissions is held. `isOrdered`: what the structure holds then is known.
+    void use(DeviceModel &device, const TraceUse &use, bool isOrdered);
     // Reports structures of which the instances are known now.
     void report(DeviceModel &device);
 
