@@ -233,8 +233,20 @@ VELLUM_CONST uint kBlockHeaderOpaqueBoxes = 8u; // word 7 of the descriptor
 // The compatibility UUID is the driver's, XORed with this word: the driver alone would use slots as custom indices, and
 // data of the driver alone has no block.
 VELLUM_CONST uint kCompatibilityWord = 0x564d4f03u; // changes with kBlockVersion
-// The deserialized size modulo 256 states what serialized data holds: this for a TLAS, 0 for a BLAS.
+// Sizes of structures modulo 256 state what they hold, in queries and in serialized data: this for a TLAS, 0 for a
+// BLAS. They cost no memory, since structures begin at multiples of 256. "dst must have been created with a size
+// greater than or equal to that used to serialize the data"
+// (VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746): a structure of the size that any query has reported for
+// the source is large enough.
 VELLUM_CONST uint kTopLevelSizeMark = 128u;
+VELLUM_FN uint topLevelSizeUnits(VELLUM_IN uint needed) // in 16-byte units
+{
+    return ((needed + 8u + 15u) & ~15u) - 8u;
+}
+VELLUM_FN uint bottomLevelSizeUnits(VELLUM_IN uint needed)
+{
+    return (needed + 15u) & ~15u;
+}
 // The size modulo 256 of micromaps that are acceleration structures.
 VELLUM_CONST uint kMicromapSizeMark = 64u;
 

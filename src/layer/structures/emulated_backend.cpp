@@ -52,13 +52,11 @@ void EmulatedBackend::getSizes(VkAccelerationStructureBuildTypeKHR type, Structu
     driver.next.GetAccelerationStructureBuildSizesKHR(driver.handle, type, &build.driverInfo(), primitives, &sizes);
     if (build.topLevel && build.geometryCount() == 1) {
         const TopLevelLayout layout(driver, build.info.flags, primitives[0]);
-        sizes.accelerationStructureSize = layout.bytes();
+        sizes.accelerationStructureSize = layout.reportedBytes();
         sizes.buildScratchSize = sizes.updateScratchSize = layout.scratchBytes(); // an update is a build
-    } else if (const VkDeviceSize tail = bottomLevelTailBytes(build, primitives)) {
-        sizes.accelerationStructureSize = alignUp(sizes.accelerationStructureSize, kPartAlignment) + tail;
-    } else if (driver.clearsWholeHandles) {
-        // The layer copies such structures in units of 16 bytes.
-        sizes.accelerationStructureSize = alignUp(sizes.accelerationStructureSize, 16);
+    } else {
+        sizes.accelerationStructureSize =
+            alignUp(sizes.accelerationStructureSize, kPartAlignment) + bottomLevelTailBytes(build, primitives);
     }
 }
 

@@ -118,7 +118,7 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
     if (!work.dispatch(InjectedShader::TlasInstances, push, invocations, 64))
         return false;
     work.barrier(true); // the host reads the descriptor
-    TopLevelBuild build(0, push.target);
+    TopLevelBuild build(kTopLevelCopyFlags, push.target);
     build.info.dstAccelerationStructure = exactSizeHandle(device, target, layout.bytes());
     build.info.scratchData.deviceAddress = scratch;
     const VkAccelerationStructureBuildRangeInfoKHR range{layout.count, 0, 0, 0};

@@ -13,10 +13,12 @@ using namespace shared;
 namespace
 {
 
-// The flags of a top-level build for the driver, which neither updates nor copies the structure.
+// The flags of a top-level build for the driver, which neither updates nor copies the structure. It may be queried for
+// its compacted size.
 VkBuildAccelerationStructureFlagsKHR topLevelFlags(VkBuildAccelerationStructureFlagsKHR application)
 {
-    return application & (VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR |
+    return application & (VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR |
+                          VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR |
                           VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR |
                           VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR);
 }
@@ -82,8 +84,8 @@ TopLevelLayout::TopLevelLayout(const Driver &driver, VkBuildAccelerationStructur
         driverBytes = std::max(driverBytes, sizes.accelerationStructureSize);
         driverScratch = std::max(driverScratch, sizes.buildScratchSize);
     };
-    measure(0);
-    if (topLevelFlags(flags) != 0)
+    measure(kTopLevelCopyFlags);
+    if (topLevelFlags(flags) != kTopLevelCopyFlags)
         measure(flags);
     tailOffset = alignUp(driverBytes, kPartAlignment);
 }

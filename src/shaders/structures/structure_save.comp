@@ -91,7 +91,7 @@ void plan()
         driver.w[8] = total.x;
         driver.w[9] = total.y;
     }
-    tailOffset = tailOffset + 15u & ~15u; // 256 bytes
+    tailOffset = bottomLevelSizeUnits(tailOffset);
     const uint dataUnits = writeData(descriptor, uvec2(0));
     const uint tailUnits = saturatingAdd(descriptor.recordUnits, dataUnits);
     const uint named = writeNames(descriptor, uvec2(0));
@@ -113,7 +113,7 @@ void plan()
     for (uint w = 0u; w < 8u; ++w)
         header.w[w] = w < 4u ? driver.w[w] : driver.w[w] ^ kCompatibilityWord;
     const uvec2 totalBytes = bytesOfUnits(total);
-    const uvec2 size = bytesOfUnits(max(tailOffset + (tailUnits + 15u & ~15u), push.leastUnits));
+    const uvec2 size = bytesOfUnits(max(tailOffset + bottomLevelSizeUnits(tailUnits), push.leastUnits));
     header.w[8] = totalBytes.x;
     header.w[9] = totalBytes.y;
     header.w[10] = size.x;

@@ -35,7 +35,7 @@ void main()
         else if (push.property == kPropertySerializationSize)
             result = bytesOfUnits(kSerializedHeaderUnits + (descriptor.count + 1u) / 2u + kBlockUnits + descriptor.units);
         else
-            result = bytesOfUnits(offset + descriptor.units);
+            result = bytesOfUnits(topLevelSizeUnits(offset + descriptor.units));
     } else if (push.property == kPropertyPointers) {
         result = uvec2(0);
     } else if (push.property == kPropertySerializationSize) {
@@ -65,12 +65,12 @@ void main()
         result = bytesOfUnits(saturatingAdd(headerUnits(named) + units + kBlockUnits, tail));
     } else if (descriptor.kind == kDescriptorBottom) {
         const uint part = min(unitsOfBytes(driver) + 15u & ~15u, offset);
-        result = bytesOfUnits(part + descriptor.units);
+        result = bytesOfUnits(bottomLevelSizeUnits(part + descriptor.units));
         // A compacted copy reads the offset of its tail from here.
         if (push.property == kPropertyCompactedSize)
             Words(descriptorWords(push.descriptor)).w[6] = part;
-    } else if (ends) {
-        result = bytesOfUnits(min(unitsOfBytes(driver), offset));
+    } else if (descriptor.kind == kDescriptorPlain || descriptor.kind == kDescriptorBoxes) {
+        result = bytesOfUnits(bottomLevelSizeUnits(ends ? min(unitsOfBytes(driver), offset) : unitsOfBytes(driver)));
     }
     value.w[0] = result.x;
     value.w[1] = result.y;

@@ -44,10 +44,10 @@ void main()
         for (uint w = 0u; w < 8u; ++w)
             header.w[w] = w < 4u ? fallback.w[w] : fallback.w[w] ^ kCompatibilityWord;
         const uvec2 totalBytes = bytesOfUnits(total);
-        const uvec2 size = bytesOfUnits(max(offset + tailUnits + 15u & ~15u, push.leastUnits));
+        const uvec2 size = bytesOfUnits(topLevelSizeUnits(max(offset + tailUnits, push.leastUnits)));
         header.w[8] = totalBytes.x;
         header.w[9] = totalBytes.y;
-        header.w[10] = size.x | kTopLevelSizeMark;
+        header.w[10] = size.x;
         header.w[11] = size.y;
         header.w[12] = descriptor.count;
         header.w[13] = 0u;

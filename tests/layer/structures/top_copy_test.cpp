@@ -196,6 +196,27 @@ TEST_F(TopCopies, SerializedHandles)
 }
 
 // Two structures from the same data, with other bottom-level structures each.
+// A structure as large as the source is large enough (VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746), as is one
+// of the source's compacted size.
+TEST_F(TopCopies, DeserializedIntoTheSizeOfTheSource)
+{
+    for (uint32_t count = 1; count < 7; ++count) {
+        Tlas source(gpu());
+        source.build(instances(count, 1), kCompactable);
+        const auto compacted =
+            made(kTop, queried(gpu(), source, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR));
+        copy(gpu(), source, *compacted, kCompact);
+        for (const Structure *of :
+             {static_cast<const Structure *>(&source), static_cast<const Structure *>(compacted.get())}) {
+            const Serialized data = serialize(gpu(), *of);
+            EXPECT_LE(data.deserializedSize(), of->size()) << count;
+            const auto target = made(kTop, of->size());
+            deserialize(gpu(), data, *target);
+            EXPECT_EQ(look(*target, count), look(source, count)) << count;
+        }
+    }
+}
+
 TEST_F(TopCopies, SerializedTwiceWithOtherHandles)
 {
     auto source = std::make_unique<Tlas>(gpu(), instances(6, 1));
