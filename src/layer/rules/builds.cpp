@@ -20,6 +20,8 @@ constexpr VkFlags64 kKhrInput = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INP
 // Rules that builds of micromaps and of other structures have.
 constexpr const char *kArrays = "VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788";
 constexpr const char *kBound = "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03707";
+constexpr const char *kTarget = "VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-03800";
+constexpr const char *kNoStructure = "it is not an acceleration structure of this device";
 
 struct Build {
     const input::MicromapBuild &build;
@@ -246,12 +248,11 @@ constexpr Rule<Build> kKhrBuild[] = {
          return when(c.build.hasRanges && !c.build.indirect,
                      "a micromap is built, but its element of ppBuildRangeInfos is not null");
      }},
+    {kTarget, Reject, "dstAccelerationStructure", [](const Build &c) { return isUnknown(c.target, kNoStructure); }},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11547", Reject, "dstAccelerationStructure",
      [](const Build &c) {
-         constexpr const char *kOther =
-             "it is not a structure of this device that was created as OPACITY_MICROMAP or GENERIC";
-         const Found unknown = isUnknown(c.target, kOther);
-         return unknown ? unknown : when(!c.target.canHoldMicromap(), kOther);
+         return when(c.target.exists && !c.target.canHoldMicromap(),
+                     "it was created neither as OPACITY_MICROMAP nor as GENERIC");
      }},
 };
 
@@ -500,14 +501,22 @@ struct Structure {
     ObjectFacts source{}; // of an update
 };
 
+// `ofType`: the build is of the type that the rule is about.
+Found wrongTarget(const Structure &c, bool ofType)
+{
+    return when(ofType && c.target.isMicromap(), "it was created as OPACITY_MICROMAP, and something else is built");
+}
+
 constexpr Rule<Structure> kStructure[] = {
+    {kTarget, Reject, "dstAccelerationStructure", [](const Structure &c) { return isUnknown(c.target, kNoStructure); }},
     // The driver does not know the handles of emulated and translated micromaps.
-    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-dstAccelerationStructure-parameter", Reject,
-     "dstAccelerationStructure",
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03699", Reject, "dstAccelerationStructure",
      [](const Structure &c) {
-         constexpr const char *kOther = "it is not an acceleration structure of this device that the build can be of";
-         const Found unknown = isUnknown(c.target, kOther);
-         return unknown ? unknown : when(c.target.isMicromap(), kOther);
+         return wrongTarget(c, c.build.given->type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR);
+     }},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03700", Reject, "dstAccelerationStructure",
+     [](const Structure &c) {
+         return wrongTarget(c, c.build.given->type != VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR);
      }},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543", Reject, nullptr,
      [](const Structure &c) {
