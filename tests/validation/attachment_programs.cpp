@@ -148,7 +148,9 @@ void builtBesides(Gpu &gpu, bool wrong)
     });
 }
 
-// The attachment is in the chain of the geometry instead of that of its triangles.
+// --- pNext chains ---
+
+// The attachment is in another chain than that of the triangles.
 template <By by>
 void attachToGeometry(Gpu &gpu, bool wrong)
 {
@@ -160,6 +162,85 @@ void attachToGeometry(Gpu &gpu, bool wrong)
         std::swap(build.geometry.pNext, build.geometry.geometry.triangles.pNext);
     gpu.submit([&](VkCommandBuffer commands) { build.record(commands); });
 }
+
+template <By by>
+void attachToBuild(Gpu &gpu, bool wrong)
+{
+    Micromap micromap(gpu, oneTriangle());
+    micromap.build();
+    const Blas blas(gpu, {withMicromap(&micromap)});
+    Build build(gpu, blas, by);
+    if (wrong)
+        std::swap(build.info.pNext, build.geometry.geometry.triangles.pNext);
+    gpu.submit([&](VkCommandBuffer commands) { build.record(commands); });
+}
+
+// Adds an attachment of a null micromap to the chain of a member of a geometry.
+template <auto chainOf>
+void attachTo(Gpu &gpu, const Structure &structure, bool wrong)
+{
+    const auto ext = vkInit<Ext>({.indexType = VK_INDEX_TYPE_NONE_KHR});
+    const auto khr = vkInit<Khr>({.indexType = VK_INDEX_TYPE_NONE_KHR});
+    Build build(gpu, structure);
+    if (wrong)
+        chainOf(build.geometry.geometry) = gpu.khr() ? static_cast<const void *>(&khr) : &ext;
+    gpu.submit([&](VkCommandBuffer commands) { build.record(commands); });
+}
+
+void attachToInstances(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}});
+    const Tlas tlas(gpu, {instance(blas, {}, 0)});
+    attachTo < [](VkAccelerationStructureGeometryDataKHR & data) -> auto &
+    {
+        return data.instances.pNext;
+    }
+    > (gpu, tlas, wrong);
+}
+
+void attachToBoxes(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {Geometry{.boxes = {{0, 0, 0, 1, 1, 1}}}});
+    attachTo < [](VkAccelerationStructureGeometryDataKHR & data) -> auto &
+    {
+        return data.aabbs.pNext;
+    }
+    > (gpu, blas, wrong);
+}
+
+// The data of a micromap is in the chain of the build.
+void dataOfBuild(Gpu &gpu, bool wrong)
+{
+    const Micromap micromap(gpu, oneTriangle());
+    StructureBuild build(micromap.buildInfo(), micromap.handle().khr);
+    auto again = build.data;
+    again.pNext = nullptr;
+    if (wrong)
+        build.info.pNext = &again;
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = nullptr;
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &build.info, &ranges);
+    });
+}
+
+// A null micromap is attached by the structure of the extension that is not enabled.
+void attachByOther(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {withMicromap(nullptr, {-1})});
+    Build build(gpu, blas);
+    const void *given = build.geometry.geometry.triangles.pNext;
+    auto ext = vkInit<Ext>({.indexType = VK_INDEX_TYPE_UINT32, .indexStride = 4});
+    auto khr = vkInit<Khr>({.indexType = VK_INDEX_TYPE_UINT32, .indexStride = 4});
+    if (gpu.khr())
+        ext.indexBuffer.deviceAddress = static_cast<const Khr *>(given)->indexBuffer;
+    else
+        khr.indexBuffer = static_cast<const Ext *>(given)->indexBuffer.deviceAddress;
+    if (wrong)
+        build.geometry.geometry.triangles.pNext = gpu.khr() ? static_cast<const void *>(&ext) : &khr;
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands); });
+}
+
+// --- Usage counts ---
 
 // Usage counts that are not those of the geometry, or of its micromap.
 constexpr VkMicromapUsageEXT kTooMany{5, 2, kFourState};
@@ -258,6 +339,21 @@ const WrongProgram kPrograms[] = {
     {"VUID-VkAccelerationStructureGeometryKHR-pNext-pNext", Api::Ext, kNeedsNothing, attachToGeometry<By::Host>, "Ext"},
     {"VUID-VkAccelerationStructureGeometryKHR-pNext-pNext", Api::Khr, kNeedsNothing, attachToGeometry<By::Indirect>,
      "Khr"},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-pNext-pNext", Api::Ext, kNeedsNothing, attachToBuild<By::Host>,
+     "Ext"},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-pNext-pNext", Api::Khr, kNeedsNothing,
+     attachToBuild<By::Indirect>, "Khr"},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-pNext-pNext", Api::Khr, kNeedsNothing, dataOfBuild, "Data"},
+    {"VUID-VkAccelerationStructureGeometryInstancesDataKHR-pNext-pNext", Api::Ext, kNeedsNothing, attachToInstances,
+     "Ext"},
+    {"VUID-VkAccelerationStructureGeometryInstancesDataKHR-pNext-pNext", Api::Khr, kNeedsNothing, attachToInstances,
+     "Khr"},
+    {"VUID-VkAccelerationStructureGeometryAabbsDataKHR-pNext-pNext", Api::Ext, kNeedsNothing, attachToBoxes, "Ext"},
+    {"VUID-VkAccelerationStructureGeometryAabbsDataKHR-pNext-pNext", Api::Khr, kNeedsNothing, attachToBoxes, "Khr"},
+    {"VUID-VkAccelerationStructureGeometryTrianglesDataKHR-pNext-pNext", Api::Khr, kNeedsNothing, attachByOther,
+     "ExtNotEnabled"},
+    {"VUID-VkAccelerationStructureGeometryTrianglesDataKHR-pNext-pNext", Api::Ext, kNeedsNothing, attachByOther,
+     "KhrNotEnabled"},
     {"attachment-usage-counts", Api::Ext, kNeedsNothing, countsOthers<kTooMany>, "TooMany"},
     {"attachment-usage-counts", Api::Ext, kNeedsNothing, countsOthers<kAnotherLevel>, "AnotherLevel"},
     {"attachment-update", Api::Ext, kNeedsNothing, replaces<By::Host>},

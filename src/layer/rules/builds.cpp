@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <array>
+#include <ranges>
 #include <unordered_set>
 
 #include "layer/rules/builds.h"
@@ -687,61 +689,113 @@ constexpr Rule<Attached> kHostAttachment[] = {
      }},
 };
 
-// A structure of micromaps that extends another structure than this one.
-Found misplaced(const void *chain, std::initializer_list<VkStructureType> types, const char *right)
+// ------------------------------------------------------------------------------------------ pNext chains
+
+// A structure of micromaps, and the one structure that it extends.
+enum class Extended { Build, Geometry, Triangles, Boxes, Instances };
+struct Extending {
+    VkStructureType type;
+    Extended extended;
+    bool EnabledFeatures::*enabled;
+    const char *extension;
+};
+constexpr Extending kExtending[] = {
+    {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT, Extended::Triangles,
+     &EnabledFeatures::ext, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME},
+    {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR, Extended::Triangles,
+     &EnabledFeatures::khr, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME},
+    {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR, Extended::Geometry, &EnabledFeatures::khr,
+     VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME},
+};
+
+struct Chain {
+    const void *first;
+    const RuleDevice &device;
+};
+template <Extended extended>
+Found misplaced(const Chain &c)
 {
-    for (const auto *s = static_cast<const VkBaseInStructure *>(chain); s; s = s->pNext)
-        if (std::ranges::find(types, s->sType) != types.end())
-            return {"a structure of type " + std::to_string(s->sType) + " is in the chain, which belongs to that of " +
-                    right};
+    for (const auto *s = static_cast<const VkBaseInStructure *>(c.first); s; s = s->pNext) {
+        const auto *found = std::ranges::find(kExtending, s->sType, &Extending::type);
+        if (found == std::end(kExtending))
+            continue;
+        if (found->extended != extended)
+            return {nameOf(s->sType) + " is in the chain; it extends " +
+                    (found->extended == Extended::Triangles ? "VkAccelerationStructureGeometryTrianglesDataKHR"
+                                                            : "VkAccelerationStructureGeometryKHR")};
+        if (!(c.device.driver.enabled.*found->enabled))
+            return {nameOf(s->sType) + " is in the chain; " + found->extension + " is not enabled"};
+    }
     return {};
 }
-constexpr Rule<input::Geometry> kGeometryChains[] = {
-    {"VUID-VkAccelerationStructureGeometryKHR-pNext-pNext", Report, "pNext",
-     [](const input::Geometry &c) {
-         return misplaced(c.given->pNext,
-                          {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT,
-                           VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR},
-                          "geometry.triangles");
-     }},
-    {"VUID-VkAccelerationStructureGeometryTrianglesDataKHR-pNext-pNext", Report, "geometry.triangles.pNext",
-     [](const input::Geometry &c) {
-         return c.isTriangles() ? misplaced(c.given->geometry.triangles.pNext,
-                                            {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR},
-                                            "the geometry of a micromap")
-                                : Found{};
-     }},
-};
-Verdict checkChains(const InputCheck &check, std::span<const input::Geometry> geometries)
+// A structure of micromaps is in a chain once.
+Found repeated(const Chain &c)
 {
-    Verdict verdict;
-    for (uint32_t g = 0; check.device().validating && g < geometries.size(); ++g) {
-        if (!geometries[g].given)
-            continue;
-        const Place place = check.place().element("pGeometries", g);
-        verdict &= check.at(place).check<input::Geometry>(kGeometryChains, geometries[g]);
+    for (const Extending &extending : kExtending) {
+        uint32_t count = 0;
+        for (const auto *s = static_cast<const VkBaseInStructure *>(c.first); s; s = s->pNext)
+            count += s->sType == extending.type ? 1 : 0;
+        if (count > 1)
+            return {nameOf(extending.type) + " is in the chain " + std::to_string(count) + " times"};
     }
-    return verdict;
+    return {};
 }
 
-// A structure of micromaps is in a chain once.
-Found repeated(const void *const &chain)
-{
-    constexpr VkStructureType kTypes[] = {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT,
-                                          VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR,
-                                          VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR};
-    for (const VkStructureType type : kTypes) {
-        uint32_t count = 0;
-        for (const auto *s = static_cast<const VkBaseInStructure *>(chain); s; s = s->pNext)
-            count += s->sType == type ? 1 : 0;
-        if (count > 1)
-            return {nameOf(type) + " is in the chain " + std::to_string(count) + " times"};
-    }
-    return {};
-}
-constexpr Rule<const void *> kTriangles[] = {
-    {"VUID-VkAccelerationStructureGeometryTrianglesDataKHR-sType-unique", Report, "pNext", repeated},
+constexpr Rule<Chain> kBuildChain[] = {
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-pNext-pNext", Report, "pNext", misplaced<Extended::Build>},
 };
+constexpr Rule<Chain> kGeometryChain[] = {
+    {"VUID-VkAccelerationStructureGeometryKHR-pNext-pNext", Report, "pNext", misplaced<Extended::Geometry>},
+};
+constexpr Rule<Chain> kTrianglesChain[] = {
+    {"VUID-VkAccelerationStructureGeometryTrianglesDataKHR-pNext-pNext", Report, "geometry.triangles.pNext",
+     misplaced<Extended::Triangles>},
+    {"VUID-VkAccelerationStructureGeometryTrianglesDataKHR-sType-unique", Report, "geometry.triangles.pNext", repeated},
+};
+constexpr Rule<Chain> kBoxesChain[] = {
+    {"VUID-VkAccelerationStructureGeometryAabbsDataKHR-pNext-pNext", Report, "geometry.aabbs.pNext",
+     misplaced<Extended::Boxes>},
+};
+constexpr Rule<Chain> kInstancesChain[] = {
+    {"VUID-VkAccelerationStructureGeometryInstancesDataKHR-pNext-pNext", Report, "geometry.instances.pNext",
+     misplaced<Extended::Instances>},
+};
+
+void checkChains(const InputCheck &check, const VkAccelerationStructureGeometryKHR &given)
+{
+    const auto checkChain = [&check](std::span<const Rule<Chain>> rules, const void *first) {
+        check.check<Chain>(rules, {first, check.device()});
+    };
+    checkChain(kGeometryChain, given.pNext);
+    switch (given.geometryType) {
+    case VK_GEOMETRY_TYPE_TRIANGLES_KHR: checkChain(kTrianglesChain, given.geometry.triangles.pNext); break;
+    case VK_GEOMETRY_TYPE_AABBS_KHR: checkChain(kBoxesChain, given.geometry.aabbs.pNext); break;
+    case VK_GEOMETRY_TYPE_INSTANCES_KHR: checkChain(kInstancesChain, given.geometry.instances.pNext); break;
+    default: break;
+    }
+}
+// The chains of a build and of its geometries, of which some may be null.
+template <typename Geometries>
+void checkChains(const InputCheck &check, const void *first, const Geometries &geometries)
+{
+    if (!check.device().validating)
+        return;
+    check.check<Chain>(kBuildChain, {first, check.device()});
+    for (uint32_t g = 0; const VkAccelerationStructureGeometryKHR *given : geometries) {
+        const Place place = check.place().element("pGeometries", g++);
+        if (given)
+            checkChains(check.at(place), *given);
+    }
+}
+void checkChains(const InputCheck &check, const input::StructureBuild &build)
+{
+    checkChains(check, build.given->pNext, std::views::transform(build.geometries, &input::Geometry::given));
+}
+void checkChains(const InputCheck &check, const input::MicromapBuild &build)
+{
+    const auto *given = static_cast<const VkAccelerationStructureBuildGeometryInfoKHR *>(build.given);
+    checkChains(check, given->pNext, std::array{build.geometry});
+}
 
 Verdict checkAttachment(const InputCheck &check, bool indirect, const input::Attachment &attachment,
                         const Objects &objects)
@@ -760,14 +814,14 @@ Verdict checkAttachment(const InputCheck &check, bool indirect, const input::Att
     return verdict;
 }
 
-// Calls checkOne(check, geometry) for each geometry of triangles, until one is not accepted.
+// Calls checkOne(check, geometry) for each geometry with a micromap, until one is not accepted.
 template <typename CheckOne>
-Verdict checkTriangles(const InputCheck &check, const input::StructureBuild &build, CheckOne checkOne)
+Verdict checkAttachments(const InputCheck &check, const input::StructureBuild &build, CheckOne checkOne)
 {
     Verdict verdict;
     for (uint32_t g = 0; g < build.geometries.size() && (verdict.accepted || check.device().validating); ++g) {
         const input::Geometry &geometry = build.geometries[g];
-        if (!geometry.isTriangles() || (!geometry.attachment && !check.device().validating))
+        if (!geometry.attachment)
             continue;
         const Place element = check.place().element("pGeometries", g);
         const Place triangles = element.member("geometry.triangles");
@@ -806,6 +860,8 @@ Verdict checkFlags(const InputCheck &check, VkFlags flags, bool micromap)
 Verdict checkInfo(const InputCheck &check, const Build &c, bool &countsKept)
 {
     Verdict verdict = check.check<Build>(c.build.khr ? std::span<const Rule<Build>>(kKhrInfo) : kExtInfo, c);
+    if (c.build.khr)
+        checkChains(check, c.build);
     if (c.build.khr && (verdict.accepted || check.device().validating))
         verdict &= checkFlags(check, c.build.flags, true);
     countsKept = false;
@@ -857,17 +913,14 @@ void checkBuild(const InputCheck &check, bool indirect, input::StructureBuild &b
     Verdict verdict = checkFlags(check, build.given->flags, false);
     const auto goesOn = [&] { return verdict.accepted || check.device().validating; };
     verdict &= check.check<Structure>(kGeometries, c);
-    verdict &= checkChains(check, build.geometries);
+    checkChains(check, build);
     if (goesOn())
         verdict &= check.check<Structure>(kStructure, c);
     if (!indirect && goesOn())
         verdict &= check.check<Structure>(kDirectStructure, c);
     if (goesOn())
-        verdict &= checkTriangles(check, build, [&](const InputCheck &part, const input::Geometry &geometry) {
-            Verdict found = part.check<const void *>(kTriangles, geometry.given->geometry.triangles.pNext);
-            if (geometry.attachment)
-                found &= checkAttachment(part, indirect, *geometry.attachment, objects);
-            return found;
+        verdict &= checkAttachments(check, build, [&](const InputCheck &part, const input::Geometry &geometry) {
+            return checkAttachment(part, indirect, *geometry.attachment, objects);
         });
     build.accepted = verdict.accepted;
 }
@@ -898,9 +951,9 @@ void checkHostBuilds(const RuleDevice &device, const Place &command, input::Buil
         const Place place = command.element("pInfos", build.element);
         const InputCheck check(device, place, build.given->dstAccelerationStructure);
         Verdict verdict = check.check<Structure>(kGeometries, {build, device});
-        verdict &= checkTriangles(check, build, [&](const InputCheck &part, const input::Geometry &geometry) {
-            return geometry.attachment ? part.check<Attached>(kHostAttachment, {*geometry.attachment, nullptr})
-                                       : Verdict{};
+        checkChains(check, build);
+        verdict &= checkAttachments(check, build, [&](const InputCheck &part, const input::Geometry &geometry) {
+            return part.check<Attached>(kHostAttachment, {*geometry.attachment, nullptr});
         });
         build.accepted = verdict.accepted;
     }
@@ -922,6 +975,7 @@ void checkSizes(const RuleDevice &device, const Place &command, input::Builds &q
     for (input::StructureBuild &build : query.structures) {
         Verdict verdict = checkFlags(check, build.given->flags, false);
         verdict &= check.check<Structure>(kGeometries, {build, device});
+        checkChains(check, build);
         build.accepted = verdict.accepted;
     }
 }
