@@ -27,6 +27,10 @@ Geometry withMicromap(const Micromap *micromap, std::vector<int32_t> indices = {
                 Attachment{.micromap = micromap, .indexType = VK_INDEX_TYPE_UINT32, .indices = std::move(indices)}};
 }
 
+constexpr VkIndexType kNoIndices = VK_INDEX_TYPE_NONE_KHR;
+constexpr VkIndexType kUint16 = VK_INDEX_TYPE_UINT16;
+constexpr VkIndexType kUint32 = VK_INDEX_TYPE_UINT32;
+
 // Which command builds.
 enum class By { Host, Indirect };
 
@@ -242,20 +246,41 @@ void attachByOther(Gpu &gpu, bool wrong)
 
 // --- Usage counts ---
 
-// Usage counts that are not those of the geometry, or of its micromap.
-constexpr VkMicromapUsageEXT kTooMany{5, 2, kFourState};
-constexpr VkMicromapUsageEXT kAnotherLevel{1, 3, kFourState};
-template <const VkMicromapUsageEXT &usage>
-void countsOthers(Gpu &gpu, bool wrong)
+// Two triangles with usage counts that are not those of the geometry, or of its micromap. No triangles: there are none.
+using TwoIndices = std::array<int32_t, 2>;
+template <VkMicromapUsageEXT usage, VkIndexType type, TwoIndices indices, By by = By::Host>
+void counts(Gpu &gpu, bool wrong)
 {
-    Micromap micromap(gpu, oneTriangle());
+    MicromapInput input = oneTriangle();
+    input.add(2, kFourState, std::vector<uint8_t>(16, 1));
+    Micromap micromap(gpu, std::move(input));
     micromap.build();
-    const Blas blas(gpu, {withMicromap(&micromap)});
+    Geometry geometry{.vertices = triangleRow(2), .micromap = Attachment{.micromap = &micromap, .indexType = type}};
+    if (type != VK_INDEX_TYPE_NONE_KHR)
+        geometry.micromap->indices.assign(indices.begin(), indices.end());
+    const Blas blas(gpu, {geometry});
+    Build build(gpu, blas, by);
+    auto attached = *static_cast<const Ext *>(build.geometry.geometry.triangles.pNext);
+    build.geometry.geometry.triangles.pNext = &attached;
+    const VkMicromapUsageEXT stated = usage;
+    if (wrong) {
+        attached.usageCountsCount = stated.count == 0 ? 0 : 1;
+        attached.pUsageCounts = &stated;
+    }
+    gpu.submit([&](VkCommandBuffer commands) { build.record(commands); });
+}
+
+// Without a micromap all triangles have special indices.
+void countsOfNone(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {withMicromap(nullptr, {-1})});
     Build build(gpu, blas);
     auto attached = *static_cast<const Ext *>(build.geometry.geometry.triangles.pNext);
     build.geometry.geometry.triangles.pNext = &attached;
-    if (wrong)
-        attached.pUsageCounts = &usage;
+    if (wrong) {
+        attached.usageCountsCount = 1;
+        attached.pUsageCounts = &kGood;
+    }
     gpu.submit([&](VkCommandBuffer commands) { build.record(commands); });
 }
 
@@ -354,8 +379,24 @@ const WrongProgram kPrograms[] = {
      "ExtNotEnabled"},
     {"VUID-VkAccelerationStructureGeometryTrianglesDataKHR-pNext-pNext", Api::Ext, kNeedsNothing, attachByOther,
      "KhrNotEnabled"},
-    {"attachment-usage-counts", Api::Ext, kNeedsNothing, countsOthers<kTooMany>, "TooMany"},
-    {"attachment-usage-counts", Api::Ext, kNeedsNothing, countsOthers<kAnotherLevel>, "AnotherLevel"},
+    {"attachment-usage-counts", Api::Ext, kNeedsNothing, counts<{3, 2, kFourState}, kUint32, TwoIndices{0, 1}>,
+     "TooMany"},
+    {"attachment-usage-counts", Api::Ext, kNeedsNothing, counts<{1, 2, kFourState}, kUint32, TwoIndices{0, 0}>,
+     "TooFew"},
+    {"attachment-usage-counts", Api::Ext, kNeedsNothing, counts<{0, 2, kFourState}, kUint32, TwoIndices{0, 1}>, "None"},
+    {"attachment-usage-counts", Api::Ext, kNeedsNothing, counts<{2, 2, kFourState}, kUint32, TwoIndices{0, -1}>,
+     "Special"},
+    {"attachment-usage-counts", Api::Ext, kNeedsNothing, counts<{2, 2, kFourState}, kUint16, TwoIndices{-4, 1}>,
+     "Special16"},
+    {"attachment-usage-counts", Api::Ext, kNeedsNothing,
+     counts<{1, 2, kFourState}, kUint32, TwoIndices{0, 1}, By::Indirect>, "Indirect"},
+    {"attachment-usage-counts", Api::Ext, kNeedsNothing, counts<{1, 2, kFourState}, kNoIndices, TwoIndices{}>,
+     "Numbers"},
+    {"attachment-usage-counts", Api::Ext, kNeedsNothing,
+     counts<{1, 2, kFourState}, kNoIndices, TwoIndices{}, By::Indirect>, "NumbersIndirect"},
+    {"attachment-usage-counts", Api::Ext, kNeedsNothing, counts<{2, 3, kFourState}, kUint32, TwoIndices{0, 1}>,
+     "AnotherLevel"},
+    {"attachment-usage-counts", Api::Ext, kNeedsNothing, countsOfNone, "NoMicromap"},
     {"attachment-update", Api::Ext, kNeedsNothing, replaces<By::Host>},
     {"attachment-update", Api::Ext, kNeedsNothing, replaces<By::Indirect>, "Indirect"},
 

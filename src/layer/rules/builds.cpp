@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <ranges>
 #include <unordered_set>
 
 #include "layer/rules/builds.h"
+#include "layer/rules/ids.h"
 
 namespace vellum::layer::rules
 {
@@ -581,8 +583,10 @@ struct Objects {
 };
 struct Attached {
     const input::Attachment &attachment;
-    const Objects *objects;             // null on the host
-    const RuleDevice *device = nullptr; // null on the host
+    const RuleDevice &device;
+    const input::BuildRanges &ranges;
+    uint32_t geometry;
+    const Objects *objects; // null on the host
 
     [[nodiscard]] bool indexed() const { return attachment.indexType != VK_INDEX_TYPE_NONE_KHR; }
     // Bytes of an index; 0 for types that the extension does not take.
@@ -602,7 +606,7 @@ Found unneededIndices(const Attached &c)
 Found noIndices(const Attached &c)
 {
     return c.indexBytes() != 0 && c.attachment.indexStride <= UINT32_MAX
-               ? isInvalid(*c.device, c.attachment.indexBuffer.deviceAddress, Report)
+               ? isInvalid(c.device, c.attachment.indexBuffer.deviceAddress, Report)
                : Found{};
 }
 Found noMicromap(const Attached &c)
@@ -631,6 +635,40 @@ Found largeIndexStride(const Attached &c)
                 [&] { return std::to_string(c.attachment.indexStride) + " is above 2^32-1"; });
 }
 
+// The usage counts state how many triangles of the geometry have an index into the micromap: from `least` to `most`.
+Found wrongCounts(const Attached &c, uint64_t least, uint64_t most)
+{
+    const uint64_t stated = c.attachment.usages.triangles();
+    return when(stated < least || stated > most, [&] {
+        return "they state " + std::to_string(stated) + " triangles; " + (least == most ? "" : "at most ") +
+               std::to_string(most) + " of the geometry have an index into the micromap";
+    });
+}
+// At most all triangles have one. How many have, only the device knows: the check `gpu` counts them.
+Found wrongDeviceCounts(const Attached &c)
+{
+    return c.ranges.given() ? wrongCounts(c, 0, c.attachment.micromap ? c.ranges.primitives(c.geometry) : 0) : Found{};
+}
+// Special indices are the unsigned cast of -1 to -4 to an index type of 2 or 4 bytes.
+bool isSpecialIndex(const char *index, uint32_t bytes)
+{
+    uint32_t value = 0;
+    std::memcpy(&value, index, bytes); // of little-endian integers
+    return value >= (bytes == 2 ? UINT16_MAX : UINT32_MAX) - 3u;
+}
+Found wrongHostCounts(const Attached &c)
+{
+    const uint32_t bytes = c.indexBytes();
+    const auto *indices = static_cast<const char *>(c.attachment.indexBuffer.hostAddress);
+    if (c.attachment.khr || !c.ranges.given() || (c.indexed() && (bytes == 0 || !indices)))
+        return {};
+    uint64_t triangles = c.attachment.micromap ? c.ranges.primitives(c.geometry) : 0;
+    for (uint64_t t = triangles; c.indexed() && t-- > 0;)
+        if (isSpecialIndex(indices + t * c.attachment.indexStride, bytes))
+            --triangles;
+    return wrongCounts(c, triangles, triangles);
+}
+
 constexpr Rule<Attached> kExtAttachment[] = {
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-indexType-10719", Report, "indexType", wrongIndexType},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-indexType-10722", Report, "indexStride",
@@ -641,6 +679,7 @@ constexpr Rule<Attached> kExtAttachment[] = {
      [](const Attached &c) {
          return when(c.attachment.usages.arrays() > 1, "both pUsageCounts and ppUsageCounts are given");
      }},
+    {ids::kAttachedCounts, Report, "pUsageCounts", wrongDeviceCounts},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-micromap-parameter", Reject, "micromap", noMicromap},
 };
 constexpr Rule<Attached> kExtDirectAttachment[] = {
@@ -687,6 +726,7 @@ constexpr Rule<Attached> kHostAttachment[] = {
          return when(!c.attachment.khr && c.indexed() && !c.attachment.indexBuffer.hostAddress,
                      "it is null, although there is an indexType");
      }},
+    {ids::kAttachedCounts, Report, "pUsageCounts", wrongHostCounts},
 };
 
 // ------------------------------------------------------------------------------------------ pNext chains
@@ -797,35 +837,35 @@ void checkChains(const InputCheck &check, const input::MicromapBuild &build)
     checkChains(check, given->pNext, std::array{build.geometry});
 }
 
-Verdict checkAttachment(const InputCheck &check, bool indirect, const input::Attachment &attachment,
-                        const Objects &objects)
+Verdict checkAttachment(const InputCheck &check, bool indirect, const Attached &c)
 {
-    const Attached c{attachment, &objects, &check.device()};
-    if (attachment.khr)
+    if (c.attachment.khr)
         return check.check<Attached>(kKhrAttachment, c);
     if (!check.device().validating)
         return {}; // only validation knows whether the micromap exists
     Verdict verdict = check.check<Attached>(kExtAttachment, c);
     verdict &= check.check<Attached>(
         indirect ? std::span<const Rule<Attached>>(kExtIndirectAttachment) : kExtDirectAttachment, c);
-    if (attachment.micromap)
+    if (c.attachment.micromap)
         verdict &=
-            checkUsages(check, kAttachedUsages, attachment.usages, false, std::nullopt, check.device().extLimits);
+            checkUsages(check, kAttachedUsages, c.attachment.usages, false, std::nullopt, check.device().extLimits);
     return verdict;
 }
 
-// Calls checkOne(check, geometry) for each geometry with a micromap, until one is not accepted.
+// Calls checkOne(check, attached) for each geometry with a micromap, until one is not accepted. `objects`: null on the
+// host.
 template <typename CheckOne>
-Verdict checkAttachments(const InputCheck &check, const input::StructureBuild &build, CheckOne checkOne)
+Verdict checkAttachments(const InputCheck &check, const input::StructureBuild &build, const Objects *objects,
+                         CheckOne checkOne)
 {
     Verdict verdict;
     for (uint32_t g = 0; g < build.geometries.size() && (verdict.accepted || check.device().validating); ++g) {
-        const input::Geometry &geometry = build.geometries[g];
-        if (!geometry.attachment)
+        const auto &attachment = build.geometries[g].attachment;
+        if (!attachment)
             continue;
         const Place element = check.place().element("pGeometries", g);
         const Place triangles = element.member("geometry.triangles");
-        verdict &= checkOne(check.at(triangles), geometry);
+        verdict &= checkOne(check.at(triangles), Attached{*attachment, check.device(), build.ranges, g, objects});
     }
     return verdict;
 }
@@ -919,8 +959,8 @@ void checkBuild(const InputCheck &check, bool indirect, input::StructureBuild &b
     if (!indirect && goesOn())
         verdict &= check.check<Structure>(kDirectStructure, c);
     if (goesOn())
-        verdict &= checkAttachments(check, build, [&](const InputCheck &part, const input::Geometry &geometry) {
-            return checkAttachment(part, indirect, *geometry.attachment, objects);
+        verdict &= checkAttachments(check, build, &objects, [indirect](const InputCheck &part, const Attached &c) {
+            return checkAttachment(part, indirect, c);
         });
     build.accepted = verdict.accepted;
 }
@@ -952,8 +992,8 @@ void checkHostBuilds(const RuleDevice &device, const Place &command, input::Buil
         const InputCheck check(device, place, build.given->dstAccelerationStructure);
         Verdict verdict = check.check<Structure>(kGeometries, {build, device});
         checkChains(check, build);
-        verdict &= checkAttachments(check, build, [&](const InputCheck &part, const input::Geometry &geometry) {
-            return part.check<Attached>(kHostAttachment, {*geometry.attachment, nullptr});
+        verdict &= checkAttachments(check, build, nullptr, [](const InputCheck &part, const Attached &c) {
+            return part.check<Attached>(kHostAttachment, c);
         });
         build.accepted = verdict.accepted;
     }

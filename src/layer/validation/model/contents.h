@@ -103,6 +103,15 @@ struct StructureContents {
     bool deserialized = false;                // the other members are unknown, except the header
     std::shared_ptr<SerializedHeader> header; // of the data of a structure; null: unknown
     CapturedInstances instances;              // of a top-level structure
+
+    // The triangles of a micromap with that level and format.
+    [[nodiscard]] uint64_t trianglesOf(uint32_t level, uint32_t format) const
+    {
+        uint64_t count = 0;
+        for (const VkMicromapUsageEXT &usage : usages)
+            count += usage.subdivisionLevel == level && usage.format == format ? usage.count : 0;
+        return count;
+    }
 };
 
 } // namespace vellum::layer

@@ -6,6 +6,7 @@
 
 #include "layer/input/checked.h"
 #include "layer/rules/builds.h"
+#include "layer/rules/ids.h"
 #include "layer/validation/rules/implicit_rules.h"
 
 namespace vellum::layer
@@ -282,35 +283,22 @@ void checkIsMicromap(const RuleCheck &check, const char *vuid, const std::shared
     });
 }
 
-// The usage counts of a geometry are those of triangles that it has, of kinds that the micromap has.
-std::string wrongUsages(const StructureContents &micromap, const std::vector<VkMicromapUsageEXT> &usages,
-                        uint32_t triangles)
-{
-    uint64_t sum = 0;
-    for (const VkMicromapUsageEXT &usage : usages) {
-        sum += usage.count;
-        const bool known = std::ranges::any_of(micromap.usages, [&usage](const VkMicromapUsageEXT &other) {
-            return other.count > 0 && other.subdivisionLevel == usage.subdivisionLevel && other.format == usage.format;
-        });
-        if (usage.count > 0 && !known)
-            return "the usage counts state triangles of level " + std::to_string(usage.subdivisionLevel) +
-                   " and format " + nameOfFormat(usage.format) + "; the micromap has none";
-    }
-    return sum > triangles ? "the usage counts add up to " + std::to_string(sum) + " triangles; the geometry has " +
-                                 std::to_string(triangles)
-                           : std::string();
-}
-
+// The usage counts of a geometry are of kinds that the micromap has; layer/rules and the check `gpu` add them up.
 void checkUsages(const RuleCheck &check, const input::Attachment &attachment,
-                 const std::shared_ptr<ValidatedStructure> &micromap, uint32_t triangles)
+                 const std::shared_ptr<ValidatedStructure> &micromap)
 {
     if (attachment.khr || attachment.usages.size() == 0)
         return;
-    check.whenExecuted(
-        "VELLUM-attachment-usage-counts", [micromap, usages = attachment.usages.copy(), triangles]() -> std::string {
-            const auto contents = micromap->contents;
-            return contents && !contents->deserialized ? wrongUsages(*contents, usages, triangles) : std::string();
-        });
+    check.whenExecuted(rules::ids::kAttachedCounts, [micromap, usages = attachment.usages.copy()]() -> std::string {
+        const auto contents = micromap->contents;
+        if (!contents || contents->deserialized)
+            return {};
+        for (const VkMicromapUsageEXT &usage : usages)
+            if (usage.count > 0 && contents->trianglesOf(usage.subdivisionLevel, usage.format) == 0)
+                return "the usage counts state triangles of level " + std::to_string(usage.subdivisionLevel) +
+                       " and format " + nameOfFormat(usage.format) + "; the micromap has none";
+        return {};
+    });
 }
 
 void checkAttachments(const RuleCheck &check, const ContentIds &ids, const input::StructureBuild &build)
@@ -323,7 +311,7 @@ void checkAttachments(const RuleCheck &check, const ContentIds &ids, const input
         const Place element = check.place().element("pGeometries", g);
         const Place place = element.member("geometry.triangles");
         checkConstructed(check.at(place), micromap, attachment->khr ? ids.khr : ids.ext);
-        checkUsages(check.at(place), *attachment, micromap, build.ranges.primitives(g));
+        checkUsages(check.at(place), *attachment, micromap);
         if (attachment->khr)
             checkIsMicromap(check.at(place), ids.isMicromap, micromap);
     }
