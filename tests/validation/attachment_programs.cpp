@@ -18,6 +18,7 @@ constexpr VkMicromapUsageEXT kGood{1, 2, kFourState};
 constexpr const VkMicromapUsageEXT *kGoodPointer = &kGood;
 constexpr Flags kUpdatable = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR;
 constexpr Flags kReplaces = kUpdatable | VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR;
+constexpr Flags kReplacesData = kUpdatable | VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT;
 constexpr auto kUpdate = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
 
 Geometry withMicromap(const Micromap *micromap, std::vector<int32_t> indices = {0})
@@ -303,24 +304,24 @@ void loses(Gpu &gpu, bool wrong)
     update<by>(gpu, blas, wrong ? Geometry{.vertices = triangleRow(1)} : withMicromap(&micromap), kReplaces);
 }
 
-template <By by>
+template <By by, Flags flags = kReplaces>
 void replacesNull(Gpu &gpu, bool wrong)
 {
     Micromap micromap(gpu, oneTriangle());
     micromap.build();
-    Blas blas(gpu, {withMicromap(nullptr, {-1})}, kReplaces);
-    update<by>(gpu, blas, wrong ? withMicromap(&micromap) : withMicromap(nullptr, {-1}), kReplaces);
+    Blas blas(gpu, {withMicromap(nullptr, {-1})}, flags);
+    update<by>(gpu, blas, wrong ? withMicromap(&micromap) : withMicromap(nullptr, {-1}), flags);
 }
 
-template <By by>
+template <By by, Flags flags = kReplaces>
 void adds(Gpu &gpu, bool wrong)
 {
     Micromap micromap(gpu, oneTriangle());
     micromap.build();
     const Geometry plain{.vertices = triangleRow(1)};
-    Blas blas(gpu, {withMicromap(&micromap)}, kReplaces); // large enough for the micromap
-    blas.build({plain}, kReplaces);
-    update<by>(gpu, blas, wrong ? withMicromap(&micromap) : plain, kReplaces);
+    Blas blas(gpu, {withMicromap(&micromap)}, flags); // large enough for the micromap
+    blas.build({plain}, flags);
+    update<by>(gpu, blas, wrong ? withMicromap(&micromap) : plain, flags);
 }
 
 template <By by>
@@ -332,6 +333,33 @@ void replaces(Gpu &gpu, bool wrong)
     const Flags flags = wrong ? kUpdatable : kReplaces;
     Blas blas(gpu, {withMicromap(&one)}, flags);
     update<by>(gpu, blas, withMicromap(&other), flags);
+}
+
+// Only the opacities of a micromap may change.
+MicromapInput triangleOf(uint16_t level, uint16_t format)
+{
+    MicromapInput input;
+    input.add(level, format, std::vector<uint8_t>(size_t{1} << (2 * level), 0));
+    return input;
+}
+template <uint16_t level, uint16_t format>
+void replacesData(Gpu &gpu, bool wrong)
+{
+    Micromap one(gpu, oneTriangle()), other(gpu, wrong ? triangleOf(level, format) : triangleOf(2, kFourState));
+    one.build();
+    other.build();
+    Blas blas(gpu, {withMicromap(&one)}, kReplacesData);
+    update<By::Host>(gpu, blas, withMicromap(&other), kReplacesData);
+}
+void rebuildsData(Gpu &gpu, bool wrong)
+{
+    Micromap micromap(gpu, oneTriangle());
+    micromap.build();
+    Blas blas(gpu, {withMicromap(&micromap)}, kReplacesData);
+    if (!micromap.setInput(triangleOf(wrong ? 1 : 2, kFourState)))
+        throw std::runtime_error("a smaller micromap needs more memory");
+    micromap.build();
+    update<By::Host>(gpu, blas, withMicromap(&micromap), kReplacesData);
 }
 
 #define EXT_CHANGE(...) [](Ext &attached) { __VA_ARGS__; }
@@ -399,6 +427,13 @@ const WrongProgram kPrograms[] = {
     {"attachment-usage-counts", Api::Ext, kNeedsNothing, countsOfNone, "NoMicromap"},
     {"attachment-update", Api::Ext, kNeedsNothing, replaces<By::Host>},
     {"attachment-update", Api::Ext, kNeedsNothing, replaces<By::Indirect>, "Indirect"},
+    {"attachment-update", Api::Ext, kNeedsNothing, loses<By::Host>, "Loses"},
+    {"attachment-update", Api::Ext, kNeedsNothing, adds<By::Host, kUpdatable>, "Adds"},
+    {"attachment-update", Api::Ext, kNeedsNothing, adds<By::Indirect, kReplacesData>, "AddsIndirect"},
+    {"attachment-update", Api::Ext, kNeedsNothing, replacesNull<By::Host, kReplacesData>, "Null"},
+    {"attachment-update", Api::Ext, kNeedsNothing, replacesData<1, kFourState>, "Level"},
+    {"attachment-update", Api::Ext, kNeedsNothing, replacesData<2, kTwoState>, "Format"},
+    {"attachment-update", Api::Ext, kNeedsNothing, rebuildsData, "Rebuilt"},
 
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexType-11570", Api::Khr, kNeedsNothing,
      attach<Khr, KHR_CHANGE(attached.indexType = static_cast<VkIndexType>(9))>},
