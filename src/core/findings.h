@@ -42,13 +42,15 @@ VELLUM_CONST uint kFindingIndex = 8u;
 VELLUM_CONST uint kFindingNumber = 9u;       // the same, without an index buffer: value 0 is the triangle's number
 VELLUM_CONST uint kFindingNotSpecial = 10u;  // an index where there is no micromap
 VELLUM_CONST uint kFindingIndexBuffer = 11u; // about a geometry: the first triangle whose index is outside the buffer
+// About a geometry; value 0, 1: triangles by its usage counts, triangles with an index into the micromap.
+VELLUM_CONST uint kFindingAttachedCounts = 12u;
 // About an instance; value 0, 1: its reference.
-VELLUM_CONST uint kFindingDisable = 12u;     // disables micromaps of a structure that does not allow it
-VELLUM_CONST uint kFindingFeature = 13u;     // micromap flags without the feature
-VELLUM_CONST uint kFindingMicromap = 14u;    // names a micromap
-VELLUM_CONST uint kFindingTopLevel = 15u;    // names a top-level structure
-VELLUM_CONST uint kFindingDestroyed = 16u;   // names a structure that was destroyed
-VELLUM_CONST uint kFindingNoStructure = 17u; // names nothing
+VELLUM_CONST uint kFindingDisable = 13u;     // disables micromaps of a structure that does not allow it
+VELLUM_CONST uint kFindingFeature = 14u;     // micromap flags without the feature
+VELLUM_CONST uint kFindingMicromap = 15u;    // names a micromap
+VELLUM_CONST uint kFindingTopLevel = 16u;    // names a top-level structure
+VELLUM_CONST uint kFindingDestroyed = 17u;   // names a structure that was destroyed
+VELLUM_CONST uint kFindingNoStructure = 18u; // names nothing
 
 // --- record of a structure: what the last build or copy that the device executed put there (4 words) ---
 // word 0: kRecord*, word 1: flags of the build, word 2: triangles of a micromap; of record 0, which is no structure's,
@@ -83,6 +85,11 @@ VELLUM_FN uint usageKind(VELLUM_IN uint level, VELLUM_IN uint format)
 VELLUM_CONST uint kUsageFound = 26u;
 VELLUM_CONST uint kUsageWrong = 52u;
 VELLUM_CONST uint kUsageWords = 53u;
+
+// memory of the check of a geometry with a micromap: triangles with an index into it, then whether an index has a
+// finding
+VELLUM_CONST uint kAttachedFound = 0u;
+VELLUM_CONST uint kAttachedWrong = 1u;
 
 // --- limits of a micromap's triangles, in one word ---
 VELLUM_CONST uint kLimitFourStateShift = 4u; // below: the greatest level of 2-state triangles

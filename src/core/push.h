@@ -280,7 +280,10 @@ struct IndexCheckPush {
     uint indexStride;
     uint readable; // indices inside their buffer
     uint baseTriangle;
-    uint attached; // 0: there is no micromap
+    uint attached;         // 0: there is no micromap
+    VELLUM_ADDRESS counts; // 0: the triangles are not counted
+    uint declared;         // triangles by the usage counts
+    uint comparing;        // 0: the indices are checked and counted; 1: then the numbers are compared
 };
 
 // validation/instance_check.comp

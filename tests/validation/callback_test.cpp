@@ -117,25 +117,39 @@ TEST_F(ValidationCallback, MicromapsThatAreNotDestroyed)
     }
 }
 
-// VK_KHR_opacity_micromap requires VK_KHR_device_address_commands, whose command creates micromaps.
-TEST_F(ValidationCallback, DeviceWithoutAddressCommands)
+// Each extension is enabled without one that it requires.
+TEST_F(ValidationCallback, DeviceWithoutRequiredExtensions)
 {
-    const char *extensions[] = {VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
-                                VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME};
-    const float priority = 1;
-    const auto queue = vkInit<VkDeviceQueueCreateInfo>({.queueCount = 1, .pQueuePriorities = &priority});
-    const auto info = vkInit<VkDeviceCreateInfo>({.queueCreateInfoCount = 1,
-                                                  .pQueueCreateInfos = &queue,
-                                                  .enabledExtensionCount = std::size(extensions),
-                                                  .ppEnabledExtensionNames = extensions});
-    VkDevice device = VK_NULL_HANDLE;
-    if (vkCreateDevice(gpu().physical(), &info, nullptr, &device) == VK_SUCCESS)
-        vkDestroyDevice(device, nullptr);
-    const std::vector<Message> messages = gpu().takeMessages();
-    EXPECT_EQ(std::ranges::count_if(
-                  messages,
-                  [](const Message &m) { return m.id == "VELLUM-VUID-vkCreateDevice-ppEnabledExtensionNames-01387"; }),
-              1);
+    constexpr const char *kStructures = VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME;
+    const struct {
+        const char *missing;
+        std::vector<const char *> extensions;
+    } cases[] = {
+        {VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME, {kStructures, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME}},
+        {kStructures, {VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME}},
+        {kStructures, {VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME}},
+        {VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, {kStructures, VK_ARM_PIPELINE_OPACITY_MICROMAP_EXTENSION_NAME}},
+        {"", {kStructures, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME}},
+    };
+    for (const auto &[missing, required] : cases) {
+        std::vector<const char *> extensions = required;
+        extensions.push_back(VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME);
+        const float priority = 1;
+        const auto queue = vkInit<VkDeviceQueueCreateInfo>({.queueCount = 1, .pQueuePriorities = &priority});
+        const auto info = vkInit<VkDeviceCreateInfo>({.queueCreateInfoCount = 1,
+                                                      .pQueueCreateInfos = &queue,
+                                                      .enabledExtensionCount = static_cast<uint32_t>(extensions.size()),
+                                                      .ppEnabledExtensionNames = extensions.data()});
+        VkDevice device = VK_NULL_HANDLE;
+        if (vkCreateDevice(gpu().physical(), &info, nullptr, &device) == VK_SUCCESS)
+            vkDestroyDevice(device, nullptr);
+        std::vector<std::string> texts;
+        for (const Message &m : gpu().takeMessages())
+            if (m.id == "VELLUM-VUID-vkCreateDevice-ppEnabledExtensionNames-01387")
+                texts.push_back(m.text);
+        ASSERT_EQ(texts.size(), *missing == 0 ? 0u : 1u) << required[0] << " without " << missing;
+        EXPECT_TRUE(texts.empty() || texts[0].find(missing) != std::string::npos) << missing;
+    }
 }
 
 } // namespace

@@ -68,6 +68,27 @@ void attachesMicromap(Attachments &attachments, bool wrong)
     attachments.khr.micromap = wrong ? attachments.micromap.khr : VK_NULL_HANDLE;
 }
 
+constexpr VkMicromapUsageEXT kOne{1, 2, kFourState};
+
+// One triangle, with the micromap or with a special index.
+void noCounts(Attachments &attachments, bool wrong)
+{
+    attachments.ext.micromap = attachments.micromap.ext;
+    attachments.ext.usageCountsCount = wrong ? 0 : 1;
+    attachments.ext.pUsageCounts = &kOne;
+}
+
+void countsSpecial(Attachments &attachments, bool wrong)
+{
+    attachments.indices = {0xffff};
+    attachments.ext.micromap = attachments.micromap.ext;
+    attachments.ext.indexType = VK_INDEX_TYPE_UINT16;
+    attachments.ext.indexStride = 2;
+    attachments.ext.indexBuffer.hostAddress = attachments.indices.data();
+    attachments.ext.usageCountsCount = wrong ? 1 : 0;
+    attachments.ext.pUsageCounts = &kOne;
+}
+
 void copyNotBuilt(Gpu &gpu, bool wrong)
 {
     const Twins twins(gpu);
@@ -112,6 +133,8 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkBuildAccelerationStructuresKHR-pInfos-10892", Api::Ext, kNeedsNothing, build<indicesOfNoType>, "", "",
      true},
     {"VUID-vkBuildAccelerationStructuresKHR-pInfos-11821", Api::Ext, kNeedsNothing, build<noIndices>, "", "", true},
+    {"attachment-usage-counts", Api::Ext, kNeedsNothing, build<noCounts>, "Host", "", true},
+    {"attachment-usage-counts", Api::Ext, kNeedsNothing, build<countsSpecial>, "HostSpecial", "", true},
     {"VUID-vkBuildAccelerationStructuresKHR-pInfos-11705", Api::Khr, kNeedsNothing, build<attachesMicromap>, "", "",
      true},
     {"VUID-vkCopyAccelerationStructureKHR-src-11586", Api::Khr, kNeedsNothing, copyNotBuilt, "", "", true},

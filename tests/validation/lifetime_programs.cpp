@@ -168,6 +168,27 @@ void dataIsDestroyed(Gpu &gpu, bool wrong)
     vkFreeMemory(gpu.device(), memory, nullptr);
 }
 
+// The memory of the data is freed before the build is recorded; the buffer is not.
+void memoryIsFreed(Gpu &gpu, bool wrong)
+{
+    const Micromap micromap(gpu, oneTriangle());
+    VkMicromapBuildInfoEXT info = micromap.buildInfo();
+    const auto creation = vkInit<VkBufferCreateInfo>({.size = 4096, .usage = micromapInputUsage(gpu)});
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateBuffer(gpu.device(), &creation, nullptr, &buffer));
+    const VkDeviceMemory memory = gpu.bindMemory(buffer, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT);
+    const auto addressInfo = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer});
+    info.data.deviceAddress = (vkGetBufferDeviceAddress(gpu.device(), &addressInfo) + 255) / 256 * 256;
+    if (wrong)
+        vkFreeMemory(gpu.device(), memory, nullptr);
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{info, micromap.handle()}});
+    });
+    vkDestroyBuffer(gpu.device(), buffer, nullptr);
+    if (!wrong)
+        vkFreeMemory(gpu.device(), memory, nullptr);
+}
+
 // --- Objects ---
 
 // A micromap, and its neighbour that was destroyed.
@@ -201,6 +222,47 @@ void source(Gpu &gpu, bool wrong)
     recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
         recordMicromapCopy(gpu, commands, destroyed.of(wrong), copy.handle(), VK_COPY_MICROMAP_MODE_CLONE_EXT);
     });
+}
+
+void targetOfCopy(Gpu &gpu, bool wrong)
+{
+    Micromap original(gpu, oneTriangle());
+    original.build();
+    const Destroyed destroyed(gpu);
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        recordMicromapCopy(gpu, commands, original.handle(), destroyed.of(wrong), VK_COPY_MICROMAP_MODE_CLONE_EXT);
+    });
+}
+
+// A structure of another type is built.
+void buildAt(Gpu &gpu, const Structure &structure, VkAccelerationStructureKHR target, bool wrong)
+{
+    Build build(gpu, structure);
+    if (wrong)
+        build.info.dstAccelerationStructure = target;
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands); });
+}
+
+void bottomAtDestroyed(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {indexedTriangle()});
+    const Destroyed destroyed(gpu);
+    buildAt(gpu, blas, destroyed.handle.khr, wrong);
+}
+
+void bottomAtMicromap(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {indexedTriangle()});
+    const Micromap micromap(gpu, oneTriangle());
+    buildAt(gpu, blas, micromap.handle().khr, wrong);
+}
+
+void topAtMicromap(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {indexedTriangle()});
+    const Tlas tlas(gpu, {instance(blas, {}, 0)});
+    const Micromap micromap(gpu, oneTriangle());
+    buildAt(gpu, tlas, micromap.handle().khr, wrong);
 }
 
 template <typename Attached>
@@ -526,6 +588,7 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-10896", Api::Ext, kNeedsNothing, micromapInput<kData, Memory::Wild>, "Wild"},
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-10896", Api::Ext, kNeedsNothing, micromapInput<kData, Memory::Freed>, "Freed"},
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-10896", Api::Ext, kNeedsNothing, dataIsDestroyed, "Destroyed"},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-10896", Api::Ext, kNeedsNothing, memoryIsFreed, "MemoryFreed"},
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-10897", Api::Ext, kNeedsNothing, micromapInput<kTriangles, Memory::Wild>,
      "Wild"},
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07512", Api::Ext, kNeedsNothing, micromapInput<kScratch, Memory::Wild>,
@@ -572,10 +635,16 @@ const WrongProgram kPrograms[] = {
 
     // Drivers do not know the handles any more.
     {"VUID-vkCmdBuildMicromapsEXT-dstMicromap-07463", Api::Ext, kNeedsEmulation, target, "Destroyed"},
-    {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11547", Api::Khr, kNeedsNothing, target,
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-03800", Api::Khr, kNeedsNothing, target,
      "Destroyed"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-03800", Api::Khr, kNeedsEmulation,
+     bottomAtDestroyed, "Bottom"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03699", Api::Khr, kNeedsEmulation, topAtMicromap},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03700", Api::Khr, kNeedsEmulation, bottomAtMicromap},
     {"VUID-VkCopyMicromapInfoEXT-src-parameter", Api::Ext, kNeedsEmulation, source, "Destroyed"},
+    {"VUID-VkCopyMicromapInfoEXT-dst-parameter", Api::Ext, kNeedsEmulation, targetOfCopy, "Destroyed"},
     {"VUID-VkCopyAccelerationStructureInfoKHR-src-parameter", Api::Khr, kNeedsNothing, source, "Destroyed"},
+    {"VUID-VkCopyAccelerationStructureInfoKHR-dst-parameter", Api::Khr, kNeedsNothing, targetOfCopy, "Destroyed"},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-micromap-parameter", Api::Ext, kNeedsEmulation,
      attached<ExtAttached>, "Destroyed"},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter", Api::Khr, kNeedsNothing,

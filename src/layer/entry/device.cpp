@@ -75,6 +75,23 @@ std::string conflictText(const ConflictingExtension &conflict, const VkDeviceCre
            ". Enable one of them. With the setting implementation=driver the layer provides no extension";
 }
 
+// An extension that an enabled one requires.
+struct Requirement {
+    bool EnabledFeatures::*enabled;
+    const char *extension;
+    const char *required;
+    bool rejects = false; // no device is created without it
+};
+constexpr Requirement kRequirements[] = {
+    // Without it the application has no commands that create micromaps, and may call null pointers.
+    {&EnabledFeatures::khr, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME,
+     true},
+    {&EnabledFeatures::khr, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME},
+    {&EnabledFeatures::ext, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME},
+    {&EnabledFeatures::pipelineMicromaps, VK_ARM_PIPELINE_OPACITY_MICROMAP_EXTENSION_NAME,
+     VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME},
+};
+
 // VK_ERROR_EXTENSION_NOT_PRESENT after a message if an enabled extension cannot be had.
 VkResult checkExtensions(Instance &instance, VkPhysicalDevice handle, const VkDeviceCreateInfo &info,
                          const Implementations &have, const Driver &driver)
@@ -83,13 +100,15 @@ VkResult checkExtensions(Instance &instance, VkPhysicalDevice handle, const VkDe
         reportDeviceError(instance, handle, "VELLUM-conflicting-extension", conflictText(*conflict, info, have));
         return VK_ERROR_EXTENSION_NOT_PRESENT;
     }
-    // Without that extension the application has no commands that create micromaps, and may call null pointers.
-    if (driver.enabled.khr && !driver.enabled.addressCommands &&
-        (driver.providesMicromaps() || instance.settings.validate.core)) {
-        reportDeviceError(
-            instance, handle, "VUID-vkCreateDevice-ppEnabledExtensionNames-01387",
-            "VK_KHR_opacity_micromap is enabled without VK_KHR_device_address_commands, which it requires");
-        if (driver.providesMicromaps())
+    for (const Requirement &requirement : kRequirements) {
+        const bool rejects = requirement.rejects && driver.providesMicromaps();
+        if (!(driver.enabled.*requirement.enabled) || enablesExtension(info, requirement.required) ||
+            (!rejects && !instance.settings.validate.core))
+            continue;
+        reportDeviceError(instance, handle, "VUID-vkCreateDevice-ppEnabledExtensionNames-01387",
+                          std::string(requirement.extension) + " is enabled without " + requirement.required +
+                              ", which it requires");
+        if (rejects)
             return VK_ERROR_EXTENSION_NOT_PRESENT;
     }
     for (uint32_t i = 0; driver.emulated() && i < info.enabledExtensionCount; ++i) {

@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <array>
+#include <cstring>
+#include <ranges>
 #include <unordered_set>
 
 #include "layer/rules/builds.h"
+#include "layer/rules/ids.h"
 
 namespace vellum::layer::rules
 {
@@ -20,6 +24,8 @@ constexpr VkFlags64 kKhrInput = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INP
 // Rules that builds of micromaps and of other structures have.
 constexpr const char *kArrays = "VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788";
 constexpr const char *kBound = "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03707";
+constexpr const char *kTarget = "VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-03800";
+constexpr const char *kNoStructure = "it is not an acceleration structure of this device";
 
 struct Build {
     const input::MicromapBuild &build;
@@ -246,12 +252,11 @@ constexpr Rule<Build> kKhrBuild[] = {
          return when(c.build.hasRanges && !c.build.indirect,
                      "a micromap is built, but its element of ppBuildRangeInfos is not null");
      }},
+    {kTarget, Reject, "dstAccelerationStructure", [](const Build &c) { return isUnknown(c.target, kNoStructure); }},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11547", Reject, "dstAccelerationStructure",
      [](const Build &c) {
-         constexpr const char *kOther =
-             "it is not a structure of this device that was created as OPACITY_MICROMAP or GENERIC";
-         const Found unknown = isUnknown(c.target, kOther);
-         return unknown ? unknown : when(!c.target.canHoldMicromap(), kOther);
+         return when(c.target.exists && !c.target.canHoldMicromap(),
+                     "it was created neither as OPACITY_MICROMAP nor as GENERIC");
      }},
 };
 
@@ -500,14 +505,22 @@ struct Structure {
     ObjectFacts source{}; // of an update
 };
 
+// `ofType`: the build is of the type that the rule is about.
+Found wrongTarget(const Structure &c, bool ofType)
+{
+    return when(ofType && c.target.isMicromap(), "it was created as OPACITY_MICROMAP, and something else is built");
+}
+
 constexpr Rule<Structure> kStructure[] = {
+    {kTarget, Reject, "dstAccelerationStructure", [](const Structure &c) { return isUnknown(c.target, kNoStructure); }},
     // The driver does not know the handles of emulated and translated micromaps.
-    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-dstAccelerationStructure-parameter", Reject,
-     "dstAccelerationStructure",
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03699", Reject, "dstAccelerationStructure",
      [](const Structure &c) {
-         constexpr const char *kOther = "it is not an acceleration structure of this device that the build can be of";
-         const Found unknown = isUnknown(c.target, kOther);
-         return unknown ? unknown : when(c.target.isMicromap(), kOther);
+         return wrongTarget(c, c.build.given->type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR);
+     }},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03700", Reject, "dstAccelerationStructure",
+     [](const Structure &c) {
+         return wrongTarget(c, c.build.given->type != VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR);
      }},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543", Reject, nullptr,
      [](const Structure &c) {
@@ -570,8 +583,10 @@ struct Objects {
 };
 struct Attached {
     const input::Attachment &attachment;
-    const Objects *objects;             // null on the host
-    const RuleDevice *device = nullptr; // null on the host
+    const RuleDevice &device;
+    const input::BuildRanges &ranges;
+    uint32_t geometry;
+    const Objects *objects; // null on the host
 
     [[nodiscard]] bool indexed() const { return attachment.indexType != VK_INDEX_TYPE_NONE_KHR; }
     // Bytes of an index; 0 for types that the extension does not take.
@@ -591,7 +606,7 @@ Found unneededIndices(const Attached &c)
 Found noIndices(const Attached &c)
 {
     return c.indexBytes() != 0 && c.attachment.indexStride <= UINT32_MAX
-               ? isInvalid(*c.device, c.attachment.indexBuffer.deviceAddress, Report)
+               ? isInvalid(c.device, c.attachment.indexBuffer.deviceAddress, Report)
                : Found{};
 }
 Found noMicromap(const Attached &c)
@@ -620,6 +635,40 @@ Found largeIndexStride(const Attached &c)
                 [&] { return std::to_string(c.attachment.indexStride) + " is above 2^32-1"; });
 }
 
+// The usage counts state how many triangles of the geometry have an index into the micromap: from `least` to `most`.
+Found wrongCounts(const Attached &c, uint64_t least, uint64_t most)
+{
+    const uint64_t stated = c.attachment.usages.triangles();
+    return when(stated < least || stated > most, [&] {
+        return "they state " + std::to_string(stated) + " triangles; " + (least == most ? "" : "at most ") +
+               std::to_string(most) + " of the geometry have an index into the micromap";
+    });
+}
+// At most all triangles have one. How many have, only the device knows: the check `gpu` counts them.
+Found wrongDeviceCounts(const Attached &c)
+{
+    return c.ranges.given() ? wrongCounts(c, 0, c.attachment.micromap ? c.ranges.primitives(c.geometry) : 0) : Found{};
+}
+// Special indices are the unsigned cast of -1 to -4 to an index type of 2 or 4 bytes.
+bool isSpecialIndex(const char *index, uint32_t bytes)
+{
+    uint32_t value = 0;
+    std::memcpy(&value, index, bytes); // of little-endian integers
+    return value >= (bytes == 2 ? UINT16_MAX : UINT32_MAX) - 3u;
+}
+Found wrongHostCounts(const Attached &c)
+{
+    const uint32_t bytes = c.indexBytes();
+    const auto *indices = static_cast<const char *>(c.attachment.indexBuffer.hostAddress);
+    if (c.attachment.khr || !c.ranges.given() || (c.indexed() && (bytes == 0 || !indices)))
+        return {};
+    uint64_t triangles = c.attachment.micromap ? c.ranges.primitives(c.geometry) : 0;
+    for (uint64_t t = triangles; c.indexed() && t-- > 0;)
+        if (isSpecialIndex(indices + t * c.attachment.indexStride, bytes))
+            --triangles;
+    return wrongCounts(c, triangles, triangles);
+}
+
 constexpr Rule<Attached> kExtAttachment[] = {
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-indexType-10719", Report, "indexType", wrongIndexType},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-indexType-10722", Report, "indexStride",
@@ -630,6 +679,7 @@ constexpr Rule<Attached> kExtAttachment[] = {
      [](const Attached &c) {
          return when(c.attachment.usages.arrays() > 1, "both pUsageCounts and ppUsageCounts are given");
      }},
+    {ids::kAttachedCounts, Report, "pUsageCounts", wrongDeviceCounts},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-micromap-parameter", Reject, "micromap", noMicromap},
 };
 constexpr Rule<Attached> kExtDirectAttachment[] = {
@@ -676,93 +726,146 @@ constexpr Rule<Attached> kHostAttachment[] = {
          return when(!c.attachment.khr && c.indexed() && !c.attachment.indexBuffer.hostAddress,
                      "it is null, although there is an indexType");
      }},
+    {ids::kAttachedCounts, Report, "pUsageCounts", wrongHostCounts},
 };
 
-// A structure of micromaps that extends another structure than this one.
-Found misplaced(const void *chain, std::initializer_list<VkStructureType> types, const char *right)
-{
-    for (const auto *s = static_cast<const VkBaseInStructure *>(chain); s; s = s->pNext)
-        if (std::ranges::find(types, s->sType) != types.end())
-            return {"a structure of type " + std::to_string(s->sType) + " is in the chain, which belongs to that of " +
-                    right};
-    return {};
-}
-constexpr Rule<input::Geometry> kGeometryChains[] = {
-    {"VUID-VkAccelerationStructureGeometryKHR-pNext-pNext", Report, "pNext",
-     [](const input::Geometry &c) {
-         return misplaced(c.given->pNext,
-                          {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT,
-                           VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR},
-                          "geometry.triangles");
-     }},
-    {"VUID-VkAccelerationStructureGeometryTrianglesDataKHR-pNext-pNext", Report, "geometry.triangles.pNext",
-     [](const input::Geometry &c) {
-         return c.isTriangles() ? misplaced(c.given->geometry.triangles.pNext,
-                                            {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR},
-                                            "the geometry of a micromap")
-                                : Found{};
-     }},
+// ------------------------------------------------------------------------------------------ pNext chains
+
+// A structure of micromaps, and the one structure that it extends.
+enum class Extended { Build, Geometry, Triangles, Boxes, Instances };
+struct Extending {
+    VkStructureType type;
+    Extended extended;
+    bool EnabledFeatures::*enabled;
+    const char *extension;
 };
-Verdict checkChains(const InputCheck &check, std::span<const input::Geometry> geometries)
+constexpr Extending kExtending[] = {
+    {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT, Extended::Triangles,
+     &EnabledFeatures::ext, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME},
+    {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR, Extended::Triangles,
+     &EnabledFeatures::khr, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME},
+    {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR, Extended::Geometry, &EnabledFeatures::khr,
+     VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME},
+};
+
+struct Chain {
+    const void *first;
+    const RuleDevice &device;
+};
+template <Extended extended>
+Found misplaced(const Chain &c)
 {
-    Verdict verdict;
-    for (uint32_t g = 0; check.device().validating && g < geometries.size(); ++g) {
-        if (!geometries[g].given)
+    for (const auto *s = static_cast<const VkBaseInStructure *>(c.first); s; s = s->pNext) {
+        const auto *found = std::ranges::find(kExtending, s->sType, &Extending::type);
+        if (found == std::end(kExtending))
             continue;
-        const Place place = check.place().element("pGeometries", g);
-        verdict &= check.at(place).check<input::Geometry>(kGeometryChains, geometries[g]);
-    }
-    return verdict;
-}
-
-// A structure of micromaps is in a chain once.
-Found repeated(const void *const &chain)
-{
-    constexpr VkStructureType kTypes[] = {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT,
-                                          VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR,
-                                          VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR};
-    for (const VkStructureType type : kTypes) {
-        uint32_t count = 0;
-        for (const auto *s = static_cast<const VkBaseInStructure *>(chain); s; s = s->pNext)
-            count += s->sType == type ? 1 : 0;
-        if (count > 1)
-            return {nameOf(type) + " is in the chain " + std::to_string(count) + " times"};
+        if (found->extended != extended)
+            return {nameOf(s->sType) + " is in the chain; it extends " +
+                    (found->extended == Extended::Triangles ? "VkAccelerationStructureGeometryTrianglesDataKHR"
+                                                            : "VkAccelerationStructureGeometryKHR")};
+        if (!(c.device.driver.enabled.*found->enabled))
+            return {nameOf(s->sType) + " is in the chain; " + found->extension + " is not enabled"};
     }
     return {};
 }
-constexpr Rule<const void *> kTriangles[] = {
-    {"VUID-VkAccelerationStructureGeometryTrianglesDataKHR-sType-unique", Report, "pNext", repeated},
+// A structure of micromaps is in a chain once.
+Found repeated(const Chain &c)
+{
+    for (const Extending &extending : kExtending) {
+        uint32_t count = 0;
+        for (const auto *s = static_cast<const VkBaseInStructure *>(c.first); s; s = s->pNext)
+            count += s->sType == extending.type ? 1 : 0;
+        if (count > 1)
+            return {nameOf(extending.type) + " is in the chain " + std::to_string(count) + " times"};
+    }
+    return {};
+}
+
+constexpr Rule<Chain> kBuildChain[] = {
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-pNext-pNext", Report, "pNext", misplaced<Extended::Build>},
+};
+constexpr Rule<Chain> kGeometryChain[] = {
+    {"VUID-VkAccelerationStructureGeometryKHR-pNext-pNext", Report, "pNext", misplaced<Extended::Geometry>},
+};
+constexpr Rule<Chain> kTrianglesChain[] = {
+    {"VUID-VkAccelerationStructureGeometryTrianglesDataKHR-pNext-pNext", Report, "geometry.triangles.pNext",
+     misplaced<Extended::Triangles>},
+    {"VUID-VkAccelerationStructureGeometryTrianglesDataKHR-sType-unique", Report, "geometry.triangles.pNext", repeated},
+};
+constexpr Rule<Chain> kBoxesChain[] = {
+    {"VUID-VkAccelerationStructureGeometryAabbsDataKHR-pNext-pNext", Report, "geometry.aabbs.pNext",
+     misplaced<Extended::Boxes>},
+};
+constexpr Rule<Chain> kInstancesChain[] = {
+    {"VUID-VkAccelerationStructureGeometryInstancesDataKHR-pNext-pNext", Report, "geometry.instances.pNext",
+     misplaced<Extended::Instances>},
 };
 
-Verdict checkAttachment(const InputCheck &check, bool indirect, const input::Attachment &attachment,
-                        const Objects &objects)
+void checkChains(const InputCheck &check, const VkAccelerationStructureGeometryKHR &given)
 {
-    const Attached c{attachment, &objects, &check.device()};
-    if (attachment.khr)
+    const auto checkChain = [&check](std::span<const Rule<Chain>> rules, const void *first) {
+        check.check<Chain>(rules, {first, check.device()});
+    };
+    checkChain(kGeometryChain, given.pNext);
+    switch (given.geometryType) {
+    case VK_GEOMETRY_TYPE_TRIANGLES_KHR: checkChain(kTrianglesChain, given.geometry.triangles.pNext); break;
+    case VK_GEOMETRY_TYPE_AABBS_KHR: checkChain(kBoxesChain, given.geometry.aabbs.pNext); break;
+    case VK_GEOMETRY_TYPE_INSTANCES_KHR: checkChain(kInstancesChain, given.geometry.instances.pNext); break;
+    default: break;
+    }
+}
+// The chains of a build and of its geometries, of which some may be null.
+template <typename Geometries>
+void checkChains(const InputCheck &check, const void *first, const Geometries &geometries)
+{
+    if (!check.device().validating)
+        return;
+    check.check<Chain>(kBuildChain, {first, check.device()});
+    for (uint32_t g = 0; const VkAccelerationStructureGeometryKHR *given : geometries) {
+        const Place place = check.place().element("pGeometries", g++);
+        if (given)
+            checkChains(check.at(place), *given);
+    }
+}
+void checkChains(const InputCheck &check, const input::StructureBuild &build)
+{
+    checkChains(check, build.given->pNext, std::views::transform(build.geometries, &input::Geometry::given));
+}
+void checkChains(const InputCheck &check, const input::MicromapBuild &build)
+{
+    const auto *given = static_cast<const VkAccelerationStructureBuildGeometryInfoKHR *>(build.given);
+    checkChains(check, given->pNext, std::array{build.geometry});
+}
+
+Verdict checkAttachment(const InputCheck &check, bool indirect, const Attached &c)
+{
+    if (c.attachment.khr)
         return check.check<Attached>(kKhrAttachment, c);
     if (!check.device().validating)
         return {}; // only validation knows whether the micromap exists
     Verdict verdict = check.check<Attached>(kExtAttachment, c);
     verdict &= check.check<Attached>(
         indirect ? std::span<const Rule<Attached>>(kExtIndirectAttachment) : kExtDirectAttachment, c);
-    if (attachment.micromap)
+    if (c.attachment.micromap)
         verdict &=
-            checkUsages(check, kAttachedUsages, attachment.usages, false, std::nullopt, check.device().extLimits);
+            checkUsages(check, kAttachedUsages, c.attachment.usages, false, std::nullopt, check.device().extLimits);
     return verdict;
 }
 
-// Calls checkOne(check, geometry) for each geometry of triangles, until one is not accepted.
+// Calls checkOne(check, attached) for each geometry with a micromap, until one is not accepted. `objects`: null on the
+// host.
 template <typename CheckOne>
-Verdict checkTriangles(const InputCheck &check, const input::StructureBuild &build, CheckOne checkOne)
+Verdict checkAttachments(const InputCheck &check, const input::StructureBuild &build, const Objects *objects,
+                         CheckOne checkOne)
 {
     Verdict verdict;
     for (uint32_t g = 0; g < build.geometries.size() && (verdict.accepted || check.device().validating); ++g) {
-        const input::Geometry &geometry = build.geometries[g];
-        if (!geometry.isTriangles() || (!geometry.attachment && !check.device().validating))
+        const auto &attachment = build.geometries[g].attachment;
+        if (!attachment)
             continue;
         const Place element = check.place().element("pGeometries", g);
         const Place triangles = element.member("geometry.triangles");
-        verdict &= checkOne(check.at(triangles), geometry);
+        verdict &= checkOne(check.at(triangles), Attached{*attachment, check.device(), build.ranges, g, objects});
     }
     return verdict;
 }
@@ -797,6 +900,8 @@ Verdict checkFlags(const InputCheck &check, VkFlags flags, bool micromap)
 Verdict checkInfo(const InputCheck &check, const Build &c, bool &countsKept)
 {
     Verdict verdict = check.check<Build>(c.build.khr ? std::span<const Rule<Build>>(kKhrInfo) : kExtInfo, c);
+    if (c.build.khr)
+        checkChains(check, c.build);
     if (c.build.khr && (verdict.accepted || check.device().validating))
         verdict &= checkFlags(check, c.build.flags, true);
     countsKept = false;
@@ -848,17 +953,14 @@ void checkBuild(const InputCheck &check, bool indirect, input::StructureBuild &b
     Verdict verdict = checkFlags(check, build.given->flags, false);
     const auto goesOn = [&] { return verdict.accepted || check.device().validating; };
     verdict &= check.check<Structure>(kGeometries, c);
-    verdict &= checkChains(check, build.geometries);
+    checkChains(check, build);
     if (goesOn())
         verdict &= check.check<Structure>(kStructure, c);
     if (!indirect && goesOn())
         verdict &= check.check<Structure>(kDirectStructure, c);
     if (goesOn())
-        verdict &= checkTriangles(check, build, [&](const InputCheck &part, const input::Geometry &geometry) {
-            Verdict found = part.check<const void *>(kTriangles, geometry.given->geometry.triangles.pNext);
-            if (geometry.attachment)
-                found &= checkAttachment(part, indirect, *geometry.attachment, objects);
-            return found;
+        verdict &= checkAttachments(check, build, &objects, [indirect](const InputCheck &part, const Attached &c) {
+            return checkAttachment(part, indirect, c);
         });
     build.accepted = verdict.accepted;
 }
@@ -889,9 +991,9 @@ void checkHostBuilds(const RuleDevice &device, const Place &command, input::Buil
         const Place place = command.element("pInfos", build.element);
         const InputCheck check(device, place, build.given->dstAccelerationStructure);
         Verdict verdict = check.check<Structure>(kGeometries, {build, device});
-        verdict &= checkTriangles(check, build, [&](const InputCheck &part, const input::Geometry &geometry) {
-            return geometry.attachment ? part.check<Attached>(kHostAttachment, {*geometry.attachment, nullptr})
-                                       : Verdict{};
+        checkChains(check, build);
+        verdict &= checkAttachments(check, build, nullptr, [](const InputCheck &part, const Attached &c) {
+            return part.check<Attached>(kHostAttachment, c);
         });
         build.accepted = verdict.accepted;
     }
@@ -913,6 +1015,7 @@ void checkSizes(const RuleDevice &device, const Place &command, input::Builds &q
     for (input::StructureBuild &build : query.structures) {
         Verdict verdict = checkFlags(check, build.given->flags, false);
         verdict &= check.check<Structure>(kGeometries, {build, device});
+        checkChains(check, build);
         build.accepted = verdict.accepted;
     }
 }

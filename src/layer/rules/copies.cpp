@@ -16,6 +16,11 @@ constexpr const char *kUnknown = "it is not an acceleration structure of this de
 constexpr const char *kChain = "it is not null; nothing extends this structure";
 constexpr const char *kNotHostVisible = "its buffer is not bound to host-visible memory";
 
+Found isUnknownMicromap(const ObjectFacts &facts, ObjectHandle handle)
+{
+    return isUnknown(facts, handle ? "it is not a micromap of this device" : kNullHandle);
+}
+
 // ------------------------------------------------------------------------------------------ clones and compactions
 
 struct Copied {
@@ -42,14 +47,10 @@ constexpr Rule<Copied> kExtCopy[] = {
      [](const Copied &c) { return when(!c.copy.rightType, "it is not VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT"); }},
     {"VUID-VkCopyMicromapInfoEXT-pNext-pNext", Report, "pNext",
      [](const Copied &c) { return when(c.copy.hasChain, kChain); }},
-    {"VUID-VkCopyMicromapInfoEXT-src-parameter", Reject, nullptr,
-     [](const Copied &c) {
-         const bool destroyed = c.facts.source.destroyed || c.facts.target.destroyed;
-         return when(!c.facts.source.exists || !c.facts.target.exists,
-                     destroyed                          ? "src or dst was destroyed"
-                     : !c.copy.source || !c.copy.target ? "src or dst is VK_NULL_HANDLE"
-                                                        : "src or dst is not a micromap of this device");
-     }},
+    {"VUID-VkCopyMicromapInfoEXT-src-parameter", Reject, "src",
+     [](const Copied &c) { return isUnknownMicromap(c.facts.source, c.copy.source); }},
+    {"VUID-VkCopyMicromapInfoEXT-dst-parameter", Reject, "dst",
+     [](const Copied &c) { return isUnknownMicromap(c.facts.target, c.copy.target); }},
     {"VUID-VkCopyMicromapInfoEXT-mode-07531", Tolerate, "mode", wrongMode},
 };
 constexpr Rule<Copied> kExtDeviceCopy[] = {
@@ -90,7 +91,7 @@ Found unknownObject(const Serialized &c)
 }
 Found nullObject(const Serialized &c)
 {
-    return isUnknown(c.object, c.copy.object ? "it is not a micromap of this device" : kNullHandle);
+    return isUnknownMicromap(c.object, c.copy.object);
 }
 Found unboundObject(const Serialized &c)
 {

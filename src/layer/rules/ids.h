@@ -13,6 +13,8 @@ inline constexpr const char *kDeserializedSize = "VUID-VkCopyMemoryToAcceleratio
 inline constexpr const char *kDeserializedMicromaps = "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585";
 inline constexpr const char *kCompatible = "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-pInfo-03414";
 inline constexpr const char *kDamaged = "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960";
+// The specification has this rule in its text alone: VkAccelerationStructureTrianglesOpacityMicromapEXT.
+inline constexpr const char *kAttachedCounts = "VELLUM-attachment-usage-counts";
 inline constexpr const char *kMicromapCompatible = "VUID-VkCopyMemoryToMicromapInfoEXT-src-07549";
 
 } // namespace vellum::layer::rules::ids

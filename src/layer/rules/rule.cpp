@@ -76,7 +76,10 @@ Found isInvalid(const RuleDevice &device, VkDeviceAddress address, Severity seve
         return {"the address is null", severity};
     return when(
         device.validating && device.lacksBuffer && device.lacksBuffer(address),
-        [&] { return "no buffer has the address " + hex(address) + ": there was none, or it was destroyed"; },
+        [&] {
+            return "no buffer with memory has the address " + hex(address) +
+                   ": there was none, it was destroyed, or its memory was freed";
+        },
         severity);
 }
 

@@ -204,7 +204,7 @@ TEST_F(BadInput, Mode)
 TEST_F(BadInput, NoDestination)
 {
     record(std::array{MicromapBuild{micromap_->buildInfo(), {}}});
-    expectFinding(id("vkCmdBuildMicromapsEXT-dstMicromap-07463", "dstAccelerationStructure-11547"));
+    expectFinding(id("vkCmdBuildMicromapsEXT-dstMicromap-07463", "dstAccelerationStructure-03800"));
 }
 
 TEST_F(BadInput, TriangleArrayStride)

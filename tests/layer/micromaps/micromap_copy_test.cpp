@@ -345,13 +345,15 @@ TEST_F(MicromapCopy, RejectsWrongCopies)
     expectDone();
     copy(source, source, VK_COPY_MICROMAP_MODE_CLONE_EXT);
     expectMessage(id("VELLUM-micromap-copy-overlap", "VkCopyAccelerationStructureInfoKHR-dst-07791"));
-    for (const auto &[from, to, khr] :
-         {std::tuple{MicromapHandle{}, target.handle(), "VkCopyAccelerationStructureInfoKHR-src-parameter"},
-          std::tuple{source.handle(), MicromapHandle{}, "VkCopyAccelerationStructureInfoKHR-dst-parameter"}}) {
+    for (const auto &[from, to, ext, khr] :
+         {std::tuple{MicromapHandle{}, target.handle(), "VkCopyMicromapInfoEXT-src-parameter",
+                     "VkCopyAccelerationStructureInfoKHR-src-parameter"},
+          std::tuple{source.handle(), MicromapHandle{}, "VkCopyMicromapInfoEXT-dst-parameter",
+                     "VkCopyAccelerationStructureInfoKHR-dst-parameter"}}) {
         gpu().submit([&, from = from, to = to](VkCommandBuffer commands) {
             recordMicromapCopy(gpu(), commands, from, to, VK_COPY_MICROMAP_MODE_CLONE_EXT);
         });
-        expectMessage(id("VkCopyMicromapInfoEXT-src-parameter", khr));
+        expectMessage(id(ext, khr));
     }
     const Buffer memory(gpu(), 65536, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     const auto rejected = [&](VkDeviceAddress address, VkCopyMicromapModeEXT out, VkCopyMicromapModeEXT in,

@@ -193,7 +193,7 @@ TEST_F(MicromapStructureRejected, BuildsAndTheirMemory)
     const Blas blas(gpu(), {mapped(&micromap_)});
     rejected(command + "dstAccelerationStructure-11547",
              [&](StructureBuild &b) { b.info.dstAccelerationStructure = blas.handle(); });
-    rejected(command + "dstAccelerationStructure-11547",
+    rejected(command + "dstAccelerationStructure-03800",
              [](StructureBuild &b) { b.info.dstAccelerationStructure = VK_NULL_HANDLE; });
     EXPECT_EQ(tracedBottom(blas.address()), kForwards);
     const Placed small(gpu(), kMicromapType, 128);
@@ -257,7 +257,7 @@ TEST_F(MicromapStructureRejected, GeometriesThatNameThem)
     BuildInfo info = blas.buildInfo();
     info.dstAccelerationStructure = micromap_.handle().khr;
     build(info, blas.ranges());
-    expectRejected("VUID-VkAccelerationStructureBuildGeometryInfoKHR-dstAccelerationStructure-parameter");
+    expectRejected("VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03700");
     info = blas.buildInfo();
     info.pGeometries = &translated.geometry;
     build(info, blas.ranges());

@@ -191,7 +191,10 @@ void GpuBuildChecks::addIndices(const input::StructureBuild &build, uint32_t g, 
     } else {
         push.indices = push.record; // not read
     }
-    indices_.push_back(push);
+    // The check `core` reports counts of more triangles than the geometry has.
+    const uint64_t declared = attachment.usages.triangles();
+    push.declared = static_cast<uint32_t>(declared);
+    indices_.push_back({push, !attachment.khr && push.attached != 0 && declared <= push.triangleCount});
 }
 
 void GpuBuildChecks::addInstances(const input::StructureBuild &build, uint32_t g,
@@ -233,28 +236,41 @@ void GpuBuildChecks::record()
 
 void GpuBuildChecks::dispatch(InjectedWork &work)
 {
-    if (!records_.empty())
-        work.barrier();
-    for (const IndexCheckPush &push : indices_)
-        work.dispatch(InjectedShader::IndexCheck, push, push.triangleCount, 64);
-    for (const InstanceCheckPush &push : instances_)
-        work.dispatch(InjectedShader::InstanceCheck, push, push.count, 64);
     ScratchMemory &scratch = device_.commands.states.get(commandBuffer_)->scratch;
     scratch.restart();
-    for (Usage &usage : usages_) {
-        usage.begin.counts = scratch.allocate(kUsageWords * 4);
-        if (usage.begin.counts == 0)
-            return;
-        usage.triangles.counts = usage.begin.counts;
-        work.dispatch(InjectedShader::UsageBegin, usage.begin, kUsageWords, 64);
-    }
-    for (uint32_t comparing = 0; comparing < 2 && !usages_.empty(); ++comparing) {
+    bool counts = false;
+    // Returns the memory of a count; 0 without memory.
+    const auto begin = [&](UsageBeginPush push) {
+        push.counts = scratch.allocate(kUsageWords * 4);
+        counts |= push.counts != 0 && work.dispatch(InjectedShader::UsageBegin, push, kUsageWords, 64);
+        return push.counts;
+    };
+    for (Usage &usage : usages_)
+        usage.triangles.counts = begin(usage.begin);
+    for (Indices &indices : indices_)
+        if (indices.counted)
+            indices.push.counts = begin({});
+    if (counts || !records_.empty())
         work.barrier();
-        for (Usage &usage : usages_) {
-            usage.triangles.comparing = comparing;
+    for (const InstanceCheckPush &push : instances_)
+        work.dispatch(InjectedShader::InstanceCheck, push, push.count, 64);
+    for (const Indices &indices : indices_)
+        work.dispatch(InjectedShader::IndexCheck, indices.push, indices.push.triangleCount, 64);
+    for (const Usage &usage : usages_)
+        if (usage.triangles.counts != 0)
             work.dispatch(InjectedShader::TriangleCheck, usage.triangles,
-                          comparing != 0 ? 1 : (usage.triangles.count - 1) / kCheckedTriangles + 1, 64);
-        }
+                          (usage.triangles.count - 1) / kCheckedTriangles + 1, 64);
+    if (counts)
+        work.barrier();
+    for (Indices &indices : indices_) {
+        indices.push.comparing = 1;
+        if (indices.push.counts != 0)
+            work.dispatch(InjectedShader::IndexCheck, indices.push, 1, 64);
+    }
+    for (Usage &usage : usages_) {
+        usage.triangles.comparing = 1;
+        if (usage.triangles.counts != 0)
+            work.dispatch(InjectedShader::TriangleCheck, usage.triangles, 1, 64);
     }
 }
 

@@ -56,6 +56,10 @@ private:
         shared::UsageBeginPush begin;
         shared::TriangleCheckPush triangles;
     };
+    struct Indices {
+        shared::IndexCheckPush push;
+        bool counted; // the triangles with an index into the micromap, for VK_EXT_opacity_micromap
+    };
     struct NewRecord {
         std::shared_ptr<ValidatedStructure> target;
         RecordWords words;
@@ -73,7 +77,7 @@ private:
     SiteCommand command_;
     std::vector<NewRecord> records_;
     std::vector<Usage> usages_;
-    std::vector<shared::IndexCheckPush> indices_;
+    std::vector<Indices> indices_;
     std::vector<shared::InstanceCheckPush> instances_;
 };
 

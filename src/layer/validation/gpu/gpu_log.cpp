@@ -8,6 +8,7 @@
 #include <string>
 
 #include "core/findings.h"
+#include "layer/rules/ids.h"
 #include "layer/validation/gpu/gpu_checks.h"
 
 namespace vellum::layer
@@ -94,6 +95,12 @@ BrokenRule countsRule(const Finding &f)
                                                 ", the triangle array has " + number(f.value1)};
 }
 
+BrokenRule attachedCountsRule(const Finding &f)
+{
+    return {rules::ids::kAttachedCounts, "the usage counts state " + number(f.value0) + " triangles; " +
+                                             number(f.value1) + " of the geometry have an index into the micromap"};
+}
+
 // The findings about the triangles of a geometry with a micromap.
 BrokenRule geometryRule(const Finding &f, bool khr, const std::string &micromap)
 {
@@ -164,6 +171,8 @@ void reportFinding(GpuChecks &gpu, const Finding &f)
     BrokenRule rule;
     if (what == kFindingCounts) {
         rule = countsRule(f);
+    } else if (what == kFindingAttachedCounts) {
+        rule = attachedCountsRule(f);
     } else if (what < kFindingCounts) {
         rule = micromapRule(gpu, f, khr);
         rule.text = triangle + rule.text;

@@ -6,6 +6,7 @@
 
 #include "layer/input/checked.h"
 #include "layer/rules/builds.h"
+#include "layer/rules/ids.h"
 #include "layer/validation/rules/implicit_rules.h"
 
 namespace vellum::layer
@@ -282,35 +283,22 @@ void checkIsMicromap(const RuleCheck &check, const char *vuid, const std::shared
     });
 }
 
-// The usage counts of a geometry are those of triangles that it has, of kinds that the micromap has.
-std::string wrongUsages(const StructureContents &micromap, const std::vector<VkMicromapUsageEXT> &usages,
-                        uint32_t triangles)
-{
-    uint64_t sum = 0;
-    for (const VkMicromapUsageEXT &usage : usages) {
-        sum += usage.count;
-        const bool known = std::ranges::any_of(micromap.usages, [&usage](const VkMicromapUsageEXT &other) {
-            return other.count > 0 && other.subdivisionLevel == usage.subdivisionLevel && other.format == usage.format;
-        });
-        if (usage.count > 0 && !known)
-            return "the usage counts state triangles of level " + std::to_string(usage.subdivisionLevel) +
-                   " and format " + nameOfFormat(usage.format) + "; the micromap has none";
-    }
-    return sum > triangles ? "the usage counts add up to " + std::to_string(sum) + " triangles; the geometry has " +
-                                 std::to_string(triangles)
-                           : std::string();
-}
-
+// The usage counts of a geometry are of kinds that the micromap has; layer/rules and the check `gpu` add them up.
 void checkUsages(const RuleCheck &check, const input::Attachment &attachment,
-                 const std::shared_ptr<ValidatedStructure> &micromap, uint32_t triangles)
+                 const std::shared_ptr<ValidatedStructure> &micromap)
 {
     if (attachment.khr || attachment.usages.size() == 0)
         return;
-    check.whenExecuted(
-        "VELLUM-attachment-usage-counts", [micromap, usages = attachment.usages.copy(), triangles]() -> std::string {
-            const auto contents = micromap->contents;
-            return contents && !contents->deserialized ? wrongUsages(*contents, usages, triangles) : std::string();
-        });
+    check.whenExecuted(rules::ids::kAttachedCounts, [micromap, usages = attachment.usages.copy()]() -> std::string {
+        const auto contents = micromap->contents;
+        if (!contents || contents->deserialized)
+            return {};
+        for (const VkMicromapUsageEXT &usage : usages)
+            if (usage.count > 0 && contents->trianglesOf(usage.subdivisionLevel, usage.format) == 0)
+                return "the usage counts state triangles of level " + std::to_string(usage.subdivisionLevel) +
+                       " and format " + nameOfFormat(usage.format) + "; the micromap has none";
+        return {};
+    });
 }
 
 void checkAttachments(const RuleCheck &check, const ContentIds &ids, const input::StructureBuild &build)
@@ -323,7 +311,7 @@ void checkAttachments(const RuleCheck &check, const ContentIds &ids, const input
         const Place element = check.place().element("pGeometries", g);
         const Place place = element.member("geometry.triangles");
         checkConstructed(check.at(place), micromap, attachment->khr ? ids.khr : ids.ext);
-        checkUsages(check.at(place), *attachment, micromap, build.ranges.primitives(g));
+        checkUsages(check.at(place), *attachment, micromap);
         if (attachment->khr)
             checkIsMicromap(check.at(place), ids.isMicromap, micromap);
     }
@@ -342,8 +330,8 @@ constexpr UpdateIds kUpdateIds[] = {{"VUID-vkCmdBuildAccelerationStructuresKHR-m
                                      "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11626",
                                      "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11627",
                                      "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11629"}};
-constexpr VkFlags kReplaces = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR |
-                              VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT;
+constexpr VkFlags kReplaces = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR;
+constexpr VkFlags kReplacesData = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT;
 
 // What an update gives a geometry of triangles.
 struct UpdatedGeometry {
@@ -353,29 +341,69 @@ struct UpdatedGeometry {
     ObjectHandle handle;
 };
 
+constexpr const char *kLosesMicromap = "the geometry was built with a micromap; the update has none";
+constexpr const char *kOtherMicromap =
+    "the update attaches another micromap, which the flags of the build do not allow";
+
+// An update of data changes opacities only: the micromap has as many triangles of each level and format as before.
+std::string changedKinds(const StructureContents &before, const StructureContents &now)
+{
+    for (const StructureContents *contents : {&before, &now})
+        for (const VkMicromapUsageEXT &usage : contents->usages) {
+            const uint64_t had = before.trianglesOf(usage.subdivisionLevel, usage.format);
+            const uint64_t has = now.trianglesOf(usage.subdivisionLevel, usage.format);
+            if (had != has)
+                return "the update attaches a micromap with " + std::to_string(has) + " triangles of level " +
+                       std::to_string(usage.subdivisionLevel) + " and format " + nameOfFormat(usage.format) +
+                       ", the build one with " + std::to_string(had) + "; its flags allow other opacities only";
+        }
+    return {};
+}
+
+// What is wrong with an update of a geometry that has, or had, a micromap of VK_EXT_opacity_micromap: it changes what
+// the flags of the build do not allow. The specification has these rules in its text alone ("Acceleration Structure
+// Update Rules").
+std::string wrongExtUpdate(const GeometryContents &before, const UpdatedGeometry &now, VkFlags flags)
+{
+    if (!now.attaches)
+        return kLosesMicromap;
+    if ((flags & kReplaces) != 0)
+        return {};
+    if (!before.hasMicromap)
+        return "the geometry was built without a micromap; the update attaches one, which the flags of the build do "
+               "not allow";
+    const bool other = before.micromap.lock() != now.micromap;
+    if ((before.micromapHandle.handle == 0) != (now.handle.handle == 0) || (other && (flags & kReplacesData) == 0))
+        return kOtherMicromap;
+    const auto contents = now.micromap ? now.micromap->contents : nullptr;
+    const bool known = before.held && contents && !before.held->deserialized && !contents->deserialized;
+    return known && (flags & kReplacesData) != 0 ? changedKinds(*before.held, *contents) : std::string();
+}
+
 // The rule that an update of a geometry breaks, and what is wrong; null if it breaks none.
-const char *brokenBy(const GeometryContents &before, const UpdatedGeometry &now, bool replaces, const UpdateIds &ids,
+const char *brokenBy(const GeometryContents &before, const UpdatedGeometry &now, VkFlags flags, const UpdateIds &ids,
                      std::string &text)
 {
+    const bool wasExt = before.hasMicromap && !before.khr, isExt = now.attaches && !now.khr;
+    if (wasExt ? !now.khr : isExt && !before.hasMicromap) {
+        text = wrongExtUpdate(before, now, flags);
+        return text.empty() ? nullptr : "VELLUM-attachment-update";
+    }
+    if (wasExt || isExt)
+        return nullptr;
     if (!before.hasMicromap) {
         text = "the geometry was built without a micromap; the update attaches one";
-        return now.attaches && now.khr ? ids.addsNone : nullptr;
+        return now.attaches ? ids.addsNone : nullptr;
     }
-    if (!before.khr) {
-        text = "the update attaches another micromap, which the flags of the build do not allow";
-        const bool other = now.attaches && !now.khr && before.micromap.lock() != now.micromap;
-        return other && !replaces ? "VELLUM-attachment-update" : nullptr;
-    }
-    if (now.attaches && !now.khr)
-        return nullptr;
     if (before.micromapHandle.handle == 0) {
         text = "the geometry was built with VK_NULL_HANDLE as its micromap; the update differs";
         return !now.attaches || now.handle.handle != 0 ? ids.keepsNull : nullptr;
     }
-    text = "the geometry was built with a micromap; the update has none";
+    text = kLosesMicromap;
     if (!now.attaches || now.handle.handle == 0)
         return ids.keepsMicromap;
-    text = "the update attaches another micromap, which the flags of the build do not allow";
+    text = kOtherMicromap;
+    const bool replaces = (flags & (kReplaces | kReplacesData)) != 0;
     return !replaces && before.micromap.lock() != now.micromap ? ids.sameMicromap : nullptr;
 }
 
@@ -387,7 +415,7 @@ void checkGeometryUpdate(const RuleCheck &check, const std::shared_ptr<Validated
         if (!contents || contents->deserialized || g >= contents->geometries.size())
             return;
         std::string text;
-        if (const char *vuid = brokenBy(contents->geometries[g], now, (contents->flags & kReplaces) != 0, ids, text))
+        if (const char *vuid = brokenBy(contents->geometries[g], now, contents->flags, ids, text))
             device.fault(place, vuid, text, source->handle);
     });
 }
