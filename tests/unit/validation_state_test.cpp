@@ -240,7 +240,7 @@ TEST_F(ValidationState, FailedResetsAndBindingsChangeNothing)
     device.logs.add(commands, [](const Submission &) {});
     answer = VK_ERROR_OUT_OF_DEVICE_MEMORY;
     EXPECT_EQ(validation::resetCommandPool(device, {}, pool, 0), answer);
-    EXPECT_EQ(device.logs.get(commands)->steps->size(), 1u);
+    EXPECT_EQ(device.logs.get(commands)->steps->effects.size(), 1u);
 
     const VkBuffer buffer = addBuffer(0x10000, 0x10000);
     VkSparseMemoryBind bind{};
@@ -256,7 +256,7 @@ TEST_F(ValidationState, FailedResetsAndBindingsChangeNothing)
     EXPECT_EQ(validation::queueBindSparse(device, {}, 1, &sparse, {}), VK_SUCCESS);
     EXPECT_TRUE(device.objects.buffers.get(buffer)->bound.contain(0, 0x10000));
     EXPECT_EQ(validation::resetCommandPool(device, {}, pool, 0), VK_SUCCESS);
-    EXPECT_TRUE(device.logs.get(commands)->steps->empty());
+    EXPECT_TRUE(device.logs.get(commands)->steps->effects.empty());
 }
 
 // A wait for an event has nothing to do with what set another event of the same handle, or this one before the host

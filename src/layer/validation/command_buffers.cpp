@@ -130,10 +130,11 @@ void cmdExecuteCommands(DeviceValidation &device, VkCommandBuffer commandBuffer,
         const CommandLog *log = device.logs.get(buffers[i]);
         if (!log)
             continue;
-        device.logs.add(commandBuffer, [steps = log->steps](const Submission &submission) {
-            for (const CommandLog::Step &step : *steps)
-                step(submission);
-        });
+        const auto include = [steps = log->steps](auto which) {
+            return [steps, which](const Submission &submission) { steps->run(submission, which); };
+        };
+        device.logs.addCheck(commandBuffer, include(&CommandLog::Steps::checks));
+        device.logs.add(commandBuffer, include(&CommandLog::Steps::effects));
     }
     if (const auto log = device.logs.get(commandBuffer))
         log->isSuspended = false; // they may have resumed the render pass instance

@@ -58,8 +58,16 @@ void execute(DeviceValidation &device, VkQueue queue, const SharedSteps &steps, 
     auto &waits = device.logs.waits[queue];
     std::erase_if(waits, [&](const auto &wait) { return !isLater(device, wait.first, wait.second); });
     const Submission submission{queue, device.objects.queueFamilies.get(queue), invalidId, ordered && waits.empty()};
-    for (const CommandLog::Step &step : *steps)
-        step(submission);
+    steps->run(submission, &CommandLog::Steps::effects);
+}
+
+template <typename Submit>
+void checkBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, std::span<const SharedSteps> steps)
+{
+    const Submission submission{queue, device.objects.queueFamilies.get(queue), invalidIdOf(batch), true};
+    for (const SharedSteps &commandBuffer : steps)
+        if (commandBuffer)
+            commandBuffer->run(submission, &CommandLog::Steps::checks);
 }
 
 // `steps`: of the command buffers.
@@ -93,6 +101,12 @@ VkResult submit(DeviceValidation &device, VkQueue queue, std::span<const Submit>
     std::vector<std::vector<SharedSteps>> steps;
     for (const Submit &batch : batches)
         steps.push_back(stepsOfBatch(batch));
+    {
+        const HeldMessages held;
+        const std::lock_guard lock(device.logs.submissions);
+        for (size_t i = 0; i < batches.size(); ++i)
+            checkBatch(device, queue, batches[i], steps[i]);
+    }
     const HeldMessages held;
     SubmissionTurn turn(device.logs);
     const VkResult result = next();

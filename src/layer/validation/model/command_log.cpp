@@ -11,21 +11,27 @@ namespace vellum::layer
 
 void CommandLog::reset()
 {
-    if (!steps->empty())
+    if (!steps->checks.empty() || !steps->effects.empty())
         steps = std::make_shared<Steps>();
     accessed.reset();
     traces = {};
     isRecording = isRendering = suspends = isSuspended = false;
 }
 
-void CommandLogs::add(VkCommandBuffer commandBuffer, CommandLog::Step step)
+void CommandLogs::addCheck(VkCommandBuffer commandBuffer, CommandLog::Step check)
+{
+    if (const auto log = get(commandBuffer))
+        log->steps->checks.push_back(std::move(check));
+}
+
+void CommandLogs::add(VkCommandBuffer commandBuffer, CommandLog::Step effect)
 {
     if (!commandBuffer) {
         const HeldMessages held;
         const std::lock_guard lock(submissions);
-        step({});
+        effect({});
     } else if (const auto log = get(commandBuffer)) {
-        log->steps->push_back(std::move(step));
+        log->steps->effects.push_back(std::move(effect));
     }
 }
 

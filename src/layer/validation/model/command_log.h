@@ -66,7 +66,15 @@ struct AccessedAddresses {
 
 struct CommandLog : CommandState {
     using Step = std::function<void(const Submission &)>;
-    using Steps = std::vector<Step>;
+    struct Steps {
+        std::vector<Step> checks;  // of what the host knows, before the driver gets the submission: it may crash
+        std::vector<Step> effects; // on what objects hold, and checks of that, in the order of the commands
+        void run(const Submission &submission, const std::vector<Step> Steps::*which) const
+        {
+            for (const Step &step : this->*which)
+                step(submission);
+        }
+    };
     using CommandState::CommandState;
 
     uint32_t family = 0;
@@ -106,9 +114,10 @@ public:
     {
         states_.forPool(pool, [](CommandState &state) { static_cast<CommandLog &>(state).reset(); });
     }
-    // Adds a step to the log. Its check or effect happens when the command buffer is submitted; without one, that is
-    // for host commands, at once.
-    void add(VkCommandBuffer commandBuffer, CommandLog::Step step);
+    // Adds an effect to the log, which happens when the command buffer is submitted; without one, that is for host
+    // commands, at once.
+    void add(VkCommandBuffer commandBuffer, CommandLog::Step effect);
+    void addCheck(VkCommandBuffer commandBuffer, CommandLog::Step check);
 
     // Held while the steps of submissions run: those of several queues change the same structures. The driver is given
     // work without it, because it may block until another thread signals what the work waits for.

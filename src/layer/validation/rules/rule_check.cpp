@@ -44,8 +44,8 @@ void checkWhenExecuted(DeviceModel &device, VkCommandBuffer commandBuffer, const
     if (!log->accessed) {
         log->accessed = std::make_shared<AccessedAddresses>();
         log->accessed->losses = device.objects.bufferLosses;
-        device.logs.add(commandBuffer,
-                        [&device, all = log->accessed](const Submission &) { checkAddresses(device, *all); });
+        device.logs.addCheck(commandBuffer,
+                             [&device, all = log->accessed](const Submission &) { checkAddresses(device, *all); });
     }
     log->accessed->addresses.push_back(accessed);
 }

@@ -188,9 +188,14 @@ public:
     {
         if (accesses_.empty() && structures_.empty())
             return;
-        sync_.device.logs.add(commandBuffer_, [&sync = sync_, command = command_, accesses = std::move(accesses_),
-                                               structures = std::move(structures_)](const Submission &submission) {
-            reportDestroyed(sync.device, submission, command, structures);
+        if (!structures_.empty())
+            sync_.device.logs.addCheck(
+                commandBuffer_,
+                [&sync = sync_, command = command_, structures = std::move(structures_)](const Submission &submission) {
+                    reportDestroyed(sync.device, submission, command, structures);
+                });
+        sync_.device.logs.add(commandBuffer_, [&sync = sync_, command = command_,
+                                               accesses = std::move(accesses_)](const Submission &submission) {
             for (const Hazard &hazard : sync.tracker.access(uint64_t(submission.queue), accesses))
                 report(sync.device, hazard);
         });

@@ -123,7 +123,7 @@ template <typename Stated>
 void addBarriers(DeviceSync &sync, VkCommandBuffer commandBuffer, const Stated &stated)
 {
     if (CommandLog *log = sync.device.checks.sync ? sync.device.logs.get(commandBuffer) : nullptr)
-        log->steps->emplace_back([&sync, dependency = Dependency(stated)](const Submission &submission) {
+        log->steps->effects.emplace_back([&sync, dependency = Dependency(stated)](const Submission &submission) {
             const auto queue = uint64_t(submission.queue);
             dependency.execute(sync, queue,
                                [&](std::span<const Barrier> barriers) { sync.tracker.barriers(queue, barriers); });
@@ -134,7 +134,7 @@ template <typename Stated>
 void addWait(DeviceSync &sync, VkCommandBuffer commandBuffer, VkEvent event, const Stated &stated)
 {
     if (CommandLog *log = sync.device.checks.sync ? sync.device.logs.get(commandBuffer) : nullptr)
-        log->steps->emplace_back([&sync, event, dependency = Dependency(stated)](const Submission &submission) {
+        log->steps->effects.emplace_back([&sync, event, dependency = Dependency(stated)](const Submission &submission) {
             const auto queue = uint64_t(submission.queue);
             dependency.execute(sync, queue, [&](std::span<const Barrier> barriers) {
                 sync.tracker.waitEvent(queue, uint64_t(event), barriers);
