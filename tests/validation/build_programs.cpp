@@ -399,6 +399,10 @@ const WrongProgram kPrograms[] = {
      khrSizes<[](StructureBuild &, auto &, auto &most, auto one) { most = one; }>},
     {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-11563", Api::Khr, kNeedsNothing,
      structureFlags<VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR, kLossyBit>},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-flags-03796", Api::Khr, kNeedsNothing,
+     structureFlags<VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR,
+                    VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR |
+                        VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR>},
     {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-flags-11558", Api::Ext, kNeedsNothing,
      structureFlags<VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR,
                     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR |

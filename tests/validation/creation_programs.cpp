@@ -281,6 +281,10 @@ void creationWithoutFeature(Gpu &gpu, bool wrong)
 const WrongProgram kPrograms[] = {
     {"VUID-VkMicromapCreateInfoEXT-deviceAddress-07433", Api::Ext, kNeedsNothing,
      extCreation<EXT_CHANGE(info.deviceAddress = 65536)>},
+    {"VUID-VkMicromapCreateInfoEXT-createFlags-parameter", Api::Ext, kNeedsNothing,
+     extCreation<EXT_CHANGE(info.createFlags = 0x100)>},
+    {"VUID-VkMicromapCreateInfoEXT-buffer-parameter", Api::Ext, kNeedsEmulation,
+     extCreation<EXT_CHANGE(info.buffer = VK_NULL_HANDLE)>},
     {"VUID-VkMicromapCreateInfoEXT-buffer-07435", Api::Ext, kNeedsNothing,
      extCreation<EXT_CHANGE(info.buffer = other)>},
     {"VUID-VkMicromapCreateInfoEXT-offset-07437", Api::Ext, kNeedsNothing,

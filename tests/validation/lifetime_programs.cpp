@@ -574,6 +574,72 @@ void targetIsDestroyed(Gpu &gpu, bool wrong)
     vkFreeCommandBuffers(gpu.device(), gpu.pool(), 1, &commands);
 }
 
+// --- Usage and alignment of addresses ---
+
+template <By by>
+void withoutUsage(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {indexedTriangle()});
+    Build build(gpu, blas);
+    const Buffer vertices(gpu, 65536,
+                          VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
+                              (wrong ? VK_BUFFER_USAGE_STORAGE_BUFFER_BIT
+                                     : VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR));
+    build.geometry.geometry.triangles.vertexData.deviceAddress = vertices.address();
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands, by); });
+}
+
+template <By by, Arrangement arrangement>
+void misalignedInstances(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {indexedTriangle()});
+    Tlas tlas(gpu);
+    tlas.build(std::array{instance(blas, {}, 0), instance(blas, {}, 0)}, 0,
+               VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR, arrangement);
+    Build build(gpu, tlas);
+    if (wrong)
+        build.geometry.geometry.instances.data.deviceAddress += arrangement == Arrangement::Array ? 8 : 4;
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands, by); });
+}
+
+// --- Updates of structures that were built otherwise ---
+
+enum class Other { Flags, Geometries, Primitives, Allowed, Built };
+template <Other other, By by = By::Host>
+void updatesOther(Gpu &gpu, bool wrong)
+{
+    constexpr VkFlags kUpdatable = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR;
+    const Geometry two{.vertices = triangleRow(2)};
+    const std::vector<Geometry> geometries{two, two};
+    Blas blas(gpu), unbuilt(gpu);
+    blas.build(geometries, wrong && other == Other::Allowed ? 0 : kUpdatable);
+    blas.prepare(geometries, kUpdatable, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
+    unbuilt.useRoomOf(blas);
+    unbuilt.create(blas.size());
+    VkAccelerationStructureBuildGeometryInfoKHR info = blas.buildInfo();
+    std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges(blas.ranges(), blas.ranges() + 2);
+    if (wrong && other == Other::Flags)
+        info.flags |= VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR;
+    if (wrong && other == Other::Geometries)
+        info.geometryCount = 1;
+    if (wrong && other == Other::Primitives)
+        ranges[1].primitiveCount = 1;
+    if (wrong && other == Other::Built)
+        info.srcAccelerationStructure = info.dstAccelerationStructure = unbuilt.handle();
+    const Buffer memory(gpu, sizeof(ranges[0]) * 2,
+                        VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    std::memcpy(memory.bytes(), ranges.data(), sizeof(ranges[0]) * 2);
+    gpu.submit([&](VkCommandBuffer commands) {
+        const VkAccelerationStructureBuildRangeInfoKHR *direct = ranges.data();
+        const VkDeviceAddress address = memory.address();
+        const uint32_t stride = sizeof(ranges[0]), most[] = {2, 2}, *counts = most;
+        if (by == By::Host)
+            gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &direct);
+        else
+            gpu.vk().CmdBuildAccelerationStructuresIndirectKHR(commands, 1, &info, &address, &stride, &counts);
+    });
+}
+
 #define ADDRESS(member) [](Build &build) -> VkDeviceAddress & { return build.member.deviceAddress; }
 #define VERTICES ADDRESS(geometry.geometry.triangles.vertexData)
 #define INDICES ADDRESS(geometry.geometry.triangles.indexData)
@@ -649,6 +715,31 @@ const WrongProgram kPrograms[] = {
      attached<ExtAttached>, "Destroyed"},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter", Api::Khr, kNeedsNothing,
      attached<KhrAttached>, "Destroyed"},
+
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-geometry-03673", Api::Khr, kNeedsNothing, withoutUsage<By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-geometry-03673", Api::Khr, kNeedsNothing,
+     withoutUsage<By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03715", Api::Khr, kNeedsNothing,
+     misalignedInstances<By::Host, Arrangement::Array>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03716", Api::Khr, kNeedsNothing,
+     misalignedInstances<By::Host, Arrangement::Pointers>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03715", Api::Khr, kNeedsNothing,
+     misalignedInstances<By::Indirect, Arrangement::Array>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03716", Api::Khr, kNeedsNothing,
+     misalignedInstances<By::Indirect, Arrangement::Pointers>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03667", Api::Khr, kNeedsNothing, updatesOther<Other::Allowed>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03667", Api::Ext, kNeedsNothing, updatesOther<Other::Built>,
+     "Unbuilt"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03758", Api::Khr, kNeedsNothing, updatesOther<Other::Geometries>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03759", Api::Khr, kNeedsNothing, updatesOther<Other::Flags>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-primitiveCount-03769", Api::Khr, kNeedsNothing,
+     updatesOther<Other::Primitives>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03667", Api::Khr, kNeedsNothing,
+     updatesOther<Other::Allowed, By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03758", Api::Khr, kNeedsNothing,
+     updatesOther<Other::Geometries, By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03759", Api::Khr, kNeedsNothing,
+     updatesOther<Other::Flags, By::Indirect>},
 
     // A driver would read wild memory.
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12281", Api::Khr, kNeedsEmulation, referencesMicromap<By::Host>},

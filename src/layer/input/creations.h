@@ -21,6 +21,7 @@ struct Creation {
     VkDeviceAddress address = 0; // of the range
     VkDeviceSize size = 0;
     bool replays = false;         // VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT
+    VkFlags unknownFlags = 0;     // of VkMicromapCreateInfoEXT
     VkDeviceAddress replayed = 0; // VkMicromapCreateInfoEXT::deviceAddress
     bool accepted = true;         // set by the check of the rules
 };
@@ -32,6 +33,7 @@ inline Creation parse(const VkMicromapCreateInfoEXT &info)
             .offset = info.offset,
             .size = info.size,
             .replays = (info.createFlags & VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT) != 0,
+            .unknownFlags = info.createFlags & ~VkFlags{VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT},
             .replayed = info.deviceAddress};
 }
 inline Creation parse(const VkAccelerationStructureCreateInfoKHR &info)

@@ -472,6 +472,12 @@ constexpr Rule<Flags> kFlags[] = {
          return when(c.micromap && (c.flags & ~kForMicromaps) != 0,
                      [&] { return hex(c.flags) + " has bits that are not for micromaps"; });
      }},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-flags-03796", Report, "flags",
+     [](const Flags &c) {
+         return when((c.flags & VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR) != 0 &&
+                         (c.flags & VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR) != 0,
+                     "PREFER_FAST_TRACE and PREFER_FAST_BUILD are both set");
+     }},
     {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-11563", Report, "flags",
      [](const Flags &c) {
          return when(!c.micromap && (c.flags & kLossy) != 0,

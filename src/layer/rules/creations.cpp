@@ -42,6 +42,10 @@ constexpr Rule<Created> kExtMicromap[] = {
      [](const Created &c) {
          return when(c.device.ext && !c.creation.rightType, "it is not VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT");
      }},
+    {"VUID-VkMicromapCreateInfoEXT-createFlags-parameter", Report, "createFlags",
+     [](const Created &c) {
+         return when(c.creation.unknownFlags != 0, [&] { return hex(c.creation.unknownFlags) + " are unknown bits"; });
+     }},
     {"VUID-VkMicromapCreateInfoEXT-micromapCaptureReplay-11616", Tolerate, "createFlags",
      [](const Created &c) {
          return when(c.creation.replays && !c.device.driver.enabled.captureReplay,

@@ -33,7 +33,8 @@ std::shared_ptr<StructureContents> contentsOf(const DeviceModel &device, const i
         GeometryContents &part = contents->geometries.emplace_back();
         part.type = geometry.given->geometryType;
         part.flags = geometry.given->flags;
-        part.primitives = build.ranges.primitives(g);
+        if (build.ranges.direct)
+            part.primitives = build.ranges.primitives(g);
         if (const auto &attachment = geometry.attachment) {
             part.hasMicromap = true;
             part.khr = attachment->khr;

@@ -84,7 +84,7 @@ struct CapturedIndices {
 struct GeometryContents {
     VkGeometryTypeKHR type = VK_GEOMETRY_TYPE_MAX_ENUM_KHR;
     VkGeometryFlagsKHR flags = 0;
-    uint32_t primitives = 0;
+    std::optional<uint32_t> primitives{};          // unknown after an indirect build
     bool hasMicromap = false;                      // there is a structure that attaches one, with a null handle or not
     bool khr = false;                              // that structure is VK_KHR_opacity_micromap's
     ObjectHandle micromapHandle;                   // 0 for a null handle

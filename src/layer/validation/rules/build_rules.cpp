@@ -228,6 +228,22 @@ void checkWhenExecuted(const RuleCheck &check, uint32_t element, std::span<const
                                       .object = check.object()});
 }
 
+void checkInstanceAlignment(const RuleCheck &check, const input::StructureBuild &build, bool indirect)
+{
+    for (const input::Geometry &geometry : build.geometries) {
+        if (!geometry.isInstances())
+            continue;
+        const auto &instances = geometry.given->geometry.instances;
+        const bool pointers = instances.arrayOfPointers != VK_FALSE;
+        const char *direct = pointers ? "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03716"
+                                      : "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03715";
+        const char *ofIndirect = pointers ? "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03716"
+                                          : "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03715";
+        checkMultiple(check, instances.data.deviceAddress, pointers ? 8 : 16, "pGeometries[0].geometry.instances.data",
+                      indirect ? ofIndirect : direct);
+    }
+}
+
 // Checks the addresses of a build. Returns whether it can be recorded.
 bool checkAddresses(const RuleCheck &check, const input::StructureBuild &build, bool indirect)
 {
@@ -237,6 +253,12 @@ bool checkAddresses(const RuleCheck &check, const input::StructureBuild &build, 
         if (const Found found = isInvalid(check.device().state.rules, one.address, Severity::Reject)) {
             check.fault(indirect ? one.member->indirect : one.member->direct, textOf(one) + found.text);
             valid = false;
+        } else if (one.geometry != AccessedAddress::kNone &&
+                   lacksUsage(check.device().state.rules, one.address,
+                              VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR)) {
+            check.fault(indirect ? "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-geometry-03673"
+                                 : "VUID-vkCmdBuildAccelerationStructuresKHR-geometry-03673",
+                        textOf(one) + "its buffer was created without ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY");
         }
     for (uint32_t g = 0; g < build.geometries.size(); ++g)
         if (const auto &attachment = build.geometries[g].attachment;
@@ -244,6 +266,7 @@ bool checkAddresses(const RuleCheck &check, const input::StructureBuild &build, 
             accessed.push_back(
                 {attachment->khr ? &kKhrIndices : &kExtIndices, attachment->indexBuffer.deviceAddress, g});
     checkWhenExecuted(check, build.element, accessed, indirect);
+    checkInstanceAlignment(check, build, indirect);
     return valid;
 }
 
@@ -321,15 +344,23 @@ void checkAttachments(const RuleCheck &check, const ContentIds &ids, const input
 
 struct UpdateIds {
     const char *keepsMicromap, *keepsNull, *addsNone, *sameMicromap;
+    // Of any structure: the source was built with ALLOW_UPDATE, and the same numbers and flags. Null: no such rule.
+    const char *allowed, *geometryCount, *flags, *primitiveCount;
 };
-constexpr UpdateIds kUpdateIds[] = {{"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11625",
-                                     "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11626",
-                                     "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11627",
-                                     "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11629"},
-                                    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11625",
-                                     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11626",
-                                     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11627",
-                                     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11629"}};
+constexpr UpdateIds kUpdateIds[] = {
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11625",
+     "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11626",
+     "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11627",
+     "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11629", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03667",
+     "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03758", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03759",
+     "VUID-vkCmdBuildAccelerationStructuresKHR-primitiveCount-03769"},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11625",
+     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11626",
+     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11627",
+     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11629",
+     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03667",
+     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03758",
+     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03759", nullptr}};
 constexpr VkFlags kReplaces = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR;
 constexpr VkFlags kReplacesData = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT;
 
@@ -421,11 +452,58 @@ void checkGeometryUpdate(const RuleCheck &check, const std::shared_ptr<Validated
 }
 
 // An update, against what the source holds when the command is executed.
+// An update has the flags and numbers of the build that it changes.
+struct SameBuild {
+    VkFlags flags;
+    std::vector<uint32_t> primitives; // of each geometry
+    const UpdateIds &ids;
+
+    // Calls report(id, text) for what differs.
+    template <typename Report>
+    void compare(const StructureContents &before, Report report) const
+    {
+        if ((before.flags & VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR) == 0)
+            report(ids.allowed, "srcAccelerationStructure was built without ALLOW_UPDATE");
+        else if (flags != before.flags)
+            report(ids.flags,
+                   "flags is " + hex(flags) + "; srcAccelerationStructure was built with " + hex(before.flags));
+        if (primitives.size() != before.geometries.size())
+            return report(ids.geometryCount, "geometryCount is " + std::to_string(primitives.size()) +
+                                                 "; srcAccelerationStructure was built with " +
+                                                 std::to_string(before.geometries.size()));
+        for (size_t g = 0; ids.primitiveCount && g < primitives.size(); ++g)
+            if (before.geometries[g].primitives.value_or(primitives[g]) != primitives[g])
+                report(ids.primitiveCount, "primitiveCount of geometry " + std::to_string(g) + " is " +
+                                               std::to_string(primitives[g]) +
+                                               "; srcAccelerationStructure was built with " +
+                                               std::to_string(*before.geometries[g].primitives));
+    }
+};
+
+void checkSameBuild(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source, const UpdateIds &ids,
+                    const input::StructureBuild &build)
+{
+    SameBuild now{build.given->flags, {}, ids};
+    for (uint32_t g = 0; g < build.geometries.size(); ++g)
+        now.primitives.push_back(build.ranges.primitives(g));
+    check.whenExecuted([&device = check.device(), place = check.place().text(), source, now = std::move(now)] {
+        const auto contents = source->contents;
+        const std::string why = contents ? std::string() : isNotConstructed(device, *source);
+        if (!why.empty())
+            device.fault(place, now.ids.allowed, "srcAccelerationStructure is not constructed: " + why, source->handle);
+        if (contents && !contents->deserialized)
+            now.compare(*contents, [&](const char *vuid, const std::string &text) {
+                device.fault(place, vuid, text, source->handle);
+            });
+    });
+}
+
 void checkUpdate(const RuleCheck &check, const UpdateIds &ids, const input::StructureBuild &build)
 {
     const auto source = check.device().objects.structureOf(build.given->srcAccelerationStructure);
     if (!build.isUpdate() || !source)
         return;
+    checkSameBuild(check, source, ids, build);
     for (uint32_t g = 0; g < build.geometries.size(); ++g) {
         const input::Geometry &geometry = build.geometries[g];
         if (!geometry.isTriangles())

@@ -56,6 +56,9 @@ input::Creation checkCreation(DeviceModel &device, const VkMicromapCreateInfoEXT
     const Place command("vkCreateMicromapEXT");
     const Place place = command.member("pCreateInfo");
     const auto buffer = device.objects.buffers.get(info.buffer);
+    if (device.checks.core && !buffer && !device.objects.anyUnknown)
+        device.fault(place.member("buffer"), "VUID-VkMicromapCreateInfoEXT-buffer-parameter",
+                     info.buffer ? "it is not a buffer of this device" : "it is VK_NULL_HANDLE", info.buffer);
     const input::Creation creation = rules::checkCreation(InputCheck(device.state.rules, place, info.buffer), info,
                                                           buffer ? buffer->size : UINT64_MAX);
     if (!device.checks.core)
