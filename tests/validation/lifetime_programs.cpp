@@ -519,13 +519,12 @@ void tracesOverwrittenMicromap(Gpu &gpu, bool wrong)
     Tracer(gpu).trace(tlas, oneRay());
 }
 
-// Structures in the memory of another one that was built. They were not.
+// Structures that were not built.
 void tracesInUnbuilt(Gpu &gpu, bool wrong)
 {
     const Blas blas(gpu, {indexedTriangle()});
     const Tlas built(gpu, {instance(blas, {}, 0)});
     Tlas other(gpu);
-    other.useRoomOf(built);
     other.create(built.size());
     Tracer(gpu).trace(wrong ? other : built, oneRay());
 }
@@ -541,7 +540,6 @@ void copiesUnbuilt(Gpu &gpu, bool wrong)
 {
     const Blas built(gpu, {indexedTriangle()});
     Blas other(gpu), target(gpu);
-    other.useRoomOf(built);
     other.create(built.size());
     target.create(built.size());
     const auto info =
@@ -614,7 +612,6 @@ void updatesOther(Gpu &gpu, bool wrong)
     Blas blas(gpu), unbuilt(gpu);
     blas.build(geometries, wrong && other == Other::Allowed ? 0 : kUpdatable);
     blas.prepare(geometries, kUpdatable, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
-    unbuilt.useRoomOf(blas);
     unbuilt.create(blas.size());
     VkAccelerationStructureBuildGeometryInfoKHR info = blas.buildInfo();
     std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges(blas.ranges(), blas.ranges() + 2);

@@ -39,6 +39,7 @@ std::shared_ptr<StructureContents> contentsOf(const DeviceModel &device, const i
             part.hasMicromap = true;
             part.khr = attachment->khr;
             part.micromapHandle = attachment->micromap;
+            part.usages = attachment->usages.copy();
             if (const auto micromap = device.objects.structureOf(attachment->micromap)) {
                 part.micromap = micromap;
                 part.micromapNumber = micromap->number;
@@ -48,24 +49,13 @@ std::shared_ptr<StructureContents> contentsOf(const DeviceModel &device, const i
     return contents;
 }
 
-// The contents with what the attached micromaps hold now, when the command is executed.
-std::shared_ptr<const StructureContents> withMicromaps(const StructureContents &contents)
-{
-    auto executed = std::make_shared<StructureContents>(contents);
-    for (GeometryContents &part : executed->geometries)
-        if (const auto micromap = part.micromap.lock())
-            part.held = micromap->contents;
-    return executed;
-}
-
 // Gives a structure its new contents when the command is executed.
 void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,
                const std::shared_ptr<ValidatedStructure> &target, std::shared_ptr<const StructureContents> contents)
 {
     if (target)
         device.logs.add(commandBuffer, [&device, target, contents](const Submission &submission) {
-            setContents(device, target,
-                        submission.ordered ? withMicromaps(*contents) : unknownContents(contents->type));
+            setContents(device, target, submission.ordered ? contents : unknownContents(contents->type));
         });
 }
 

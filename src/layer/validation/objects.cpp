@@ -136,6 +136,10 @@ void freeMemory(DeviceValidation &device, VkDevice handle, VkDeviceMemory memory
                 const VkAllocationCallbacks *allocator)
 {
     sync::checkFree(device.sync, memory);
+    {
+        const std::lock_guard lock(device.logs.submissions);
+        device.objects.constructed.forget(memory);
+    }
     if (const auto buffers = device.objects.memories.take(memory).buffers)
         buffers->visit([&](const std::shared_ptr<ValidatedBuffer> &buffer) {
             device.buffers.addresses.hide(buffer->handle);

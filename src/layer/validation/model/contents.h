@@ -67,6 +67,15 @@ struct CapturedInstances {
     }
 };
 
+// The triangles with that level and format.
+inline uint64_t trianglesOf(const std::vector<VkMicromapUsageEXT> &usages, uint32_t level, uint32_t format)
+{
+    uint64_t count = 0;
+    for (const VkMicromapUsageEXT &usage : usages)
+        count += usage.subdivisionLevel == level && usage.format == format ? usage.count : 0;
+    return count;
+}
+
 // The kinds of micromap indices of a geometry.
 struct CapturedIndices {
     uint32_t count = 0;
@@ -84,14 +93,14 @@ struct CapturedIndices {
 struct GeometryContents {
     VkGeometryTypeKHR type = VK_GEOMETRY_TYPE_MAX_ENUM_KHR;
     VkGeometryFlagsKHR flags = 0;
-    std::optional<uint32_t> primitives{};          // unknown after an indirect build
-    bool hasMicromap = false;                      // there is a structure that attaches one, with a null handle or not
-    bool khr = false;                              // that structure is VK_KHR_opacity_micromap's
-    ObjectHandle micromapHandle;                   // 0 for a null handle
-    std::weak_ptr<ValidatedStructure> micromap;    // that is attached
-    uint64_t micromapNumber = 0;                   // ValidatedStructure::number of it; 0: it was not known
-    std::shared_ptr<const StructureContents> held; // by the micromap when the structure was built; null: unknown
-    CapturedIndices indices;                       // into it
+    std::optional<uint32_t> primitives{};       // unknown after an indirect build
+    bool hasMicromap = false;                   // there is a structure that attaches one, with a null handle or not
+    bool khr = false;                           // that structure is VK_KHR_opacity_micromap's
+    ObjectHandle micromapHandle;                // 0 for a null handle
+    std::weak_ptr<ValidatedStructure> micromap; // that is attached
+    uint64_t micromapNumber = 0;                // ValidatedStructure::number of it; 0: it was not known
+    std::vector<VkMicromapUsageEXT> usages;     // of VK_EXT_opacity_micromap: which triangles of it are used
+    CapturedIndices indices;                    // into it
 };
 
 // What a build or a copy put into a structure.
@@ -105,15 +114,6 @@ struct StructureContents {
     bool deserialized = false;                // the other members are unknown, except the header
     std::shared_ptr<SerializedHeader> header; // of the data of a structure; null: unknown
     CapturedInstances instances;              // of a top-level structure
-
-    // The triangles of a micromap with that level and format.
-    [[nodiscard]] uint64_t trianglesOf(uint32_t level, uint32_t format) const
-    {
-        uint64_t count = 0;
-        for (const VkMicromapUsageEXT &usage : usages)
-            count += usage.subdivisionLevel == level && usage.format == format ? usage.count : 0;
-        return count;
-    }
 };
 
 } // namespace vellum::layer

@@ -27,6 +27,10 @@ void setContents(DeviceModel &device, const std::shared_ptr<ValidatedStructure> 
     const auto before = device.objects.constructed.set(structure);
     if (!before || before->destroyed)
         return;
+    if (!before->isMicromap()) { // programs use acceleration structures by any handle to their memory
+        before->contents = unknownContents(before->type);
+        return;
+    }
     before->contents = nullptr;
     before->overwrittenBy = structure->handle;
     device.objects.lost.add(*before, {structure->since, before->handle, "was overwritten by another structure"});
@@ -60,25 +64,44 @@ std::string isNotConstructed(const DeviceModel &device, const ValidatedStructure
         return "it was destroyed";
     if (const char *lacks = lacksMemory(device, structure))
         return lacks;
-    if (structure.contents || (!structure.isMicromap() && device.driver.enabled.otherStructures))
+    // Another handle to the memory may have been built; programs use acceleration structures by any of them.
+    if (structure.contents || (!structure.isMicromap() &&
+                               (device.driver.enabled.otherStructures || device.objects.constructed.wasAt(structure))))
         return {};
     return structure.overwrittenBy ? device.nameOf(structure.overwrittenBy) + " was built in its memory since"
                                    : "it was never built";
 }
 
+ConstructedStructures::Location ConstructedStructures::locationOf(const ValidatedStructure &structure)
+{
+    const ValidatedBuffer *buffer = structure.buffer.get();
+    return buffer && buffer->memory ? Location{buffer->memory, buffer->memoryOffset + structure.offset} : Location{};
+}
+
 std::shared_ptr<ValidatedStructure> ConstructedStructures::set(const std::shared_ptr<ValidatedStructure> &structure)
 {
-    const ValidatedBuffer *buffer = structure->buffer.get();
-    if (!buffer || !buffer->memory)
+    const Location location = locationOf(*structure);
+    if (!location.first)
         return nullptr;
-    if (structures_.size() >= sweepAt_) {
-        std::erase_if(structures_, [](const auto &known) { return known.second.expired(); });
-        sweepAt_ = std::max<size_t>(64, 2 * structures_.size());
+    if (structures_.size() == kMost) {
+        structures_.clear();
+        forgot_ = true;
     }
-    auto &there = structures_[{buffer->memory, buffer->memoryOffset + structure->offset}];
+    auto &there = structures_[location];
     const auto before = there.lock();
     there = structure;
     return before == structure ? nullptr : before;
+}
+
+bool ConstructedStructures::wasAt(const ValidatedStructure &structure) const
+{
+    const Location location = locationOf(structure);
+    return forgot_ || !location.first || structures_.contains(location);
+}
+
+void ConstructedStructures::forget(VkDeviceMemory memory)
+{
+    structures_.erase(structures_.lower_bound({memory, 0}), structures_.upper_bound({memory, UINT64_MAX}));
 }
 
 void LostStructures::add(const ValidatedStructure &structure, const Loss &loss)

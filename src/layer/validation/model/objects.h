@@ -261,11 +261,17 @@ class ConstructedStructures
 public:
     // Returns the one that was there before, if it is another one and still exists.
     std::shared_ptr<ValidatedStructure> set(const std::shared_ptr<ValidatedStructure> &structure);
+    // Whether anything was ever constructed at the structure's location; true if that is not known.
+    [[nodiscard]] bool wasAt(const ValidatedStructure &structure) const;
+    void forget(VkDeviceMemory memory);
 
 private:
     using Location = std::pair<VkDeviceMemory, VkDeviceSize>;
-    std::map<Location, std::weak_ptr<ValidatedStructure>> structures_;
-    size_t sweepAt_ = 64;
+    [[nodiscard]] static Location locationOf(const ValidatedStructure &structure);
+
+    static constexpr size_t kMost = size_t{1} << 18;
+    std::map<Location, std::weak_ptr<ValidatedStructure>> structures_; // also those that are destroyed
+    bool forgot_ = false;
 };
 
 // The structures that may hold micromaps, by the address of their memory.

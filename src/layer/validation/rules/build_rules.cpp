@@ -317,7 +317,7 @@ void checkUsages(const RuleCheck &check, const input::Attachment &attachment,
         if (!contents || contents->deserialized)
             return {};
         for (const VkMicromapUsageEXT &usage : usages)
-            if (usage.count > 0 && contents->trianglesOf(usage.subdivisionLevel, usage.format) == 0)
+            if (usage.count > 0 && trianglesOf(contents->usages, usage.subdivisionLevel, usage.format) == 0)
                 return "the usage counts state triangles of level " + std::to_string(usage.subdivisionLevel) +
                        " and format " + nameOfFormat(usage.format) + "; the micromap has none";
         return {};
@@ -370,23 +370,27 @@ struct UpdatedGeometry {
     bool khr = false;
     std::shared_ptr<ValidatedStructure> micromap;
     ObjectHandle handle;
+    std::vector<VkMicromapUsageEXT> usages;
 };
 
 constexpr const char *kLosesMicromap = "the geometry was built with a micromap; the update has none";
 constexpr const char *kOtherMicromap =
     "the update attaches another micromap, which the flags of the build do not allow";
 
-// An update of data changes opacities only: the micromap has as many triangles of each level and format as before.
-std::string changedKinds(const StructureContents &before, const StructureContents &now)
+using Usages = std::vector<VkMicromapUsageEXT>;
+
+// An update of data changes opacities only: as many triangles of the geometry have each level and format as before. The
+// micromap may have others.
+std::string changedKinds(const Usages &before, const Usages &now)
 {
-    for (const StructureContents *contents : {&before, &now})
-        for (const VkMicromapUsageEXT &usage : contents->usages) {
-            const uint64_t had = before.trianglesOf(usage.subdivisionLevel, usage.format);
-            const uint64_t has = now.trianglesOf(usage.subdivisionLevel, usage.format);
+    for (const Usages *usages : {&before, &now})
+        for (const VkMicromapUsageEXT &usage : *usages) {
+            const uint64_t had = trianglesOf(before, usage.subdivisionLevel, usage.format);
+            const uint64_t has = trianglesOf(now, usage.subdivisionLevel, usage.format);
             if (had != has)
-                return "the update attaches a micromap with " + std::to_string(has) + " triangles of level " +
+                return "the usage counts state " + std::to_string(has) + " triangles of level " +
                        std::to_string(usage.subdivisionLevel) + " and format " + nameOfFormat(usage.format) +
-                       ", the build one with " + std::to_string(had) + "; its flags allow other opacities only";
+                       ", those of the build " + std::to_string(had) + "; its flags allow other opacities only";
         }
     return {};
 }
@@ -406,9 +410,7 @@ std::string wrongExtUpdate(const GeometryContents &before, const UpdatedGeometry
     const bool other = before.micromap.lock() != now.micromap;
     if ((before.micromapHandle.handle == 0) != (now.handle.handle == 0) || (other && (flags & kReplacesData) == 0))
         return kOtherMicromap;
-    const auto contents = now.micromap ? now.micromap->contents : nullptr;
-    const bool known = before.held && contents && !before.held->deserialized && !contents->deserialized;
-    return known && (flags & kReplacesData) != 0 ? changedKinds(*before.held, *contents) : std::string();
+    return (flags & kReplacesData) != 0 ? changedKinds(before.usages, now.usages) : std::string();
 }
 
 // The rule that an update of a geometry breaks, and what is wrong; null if it breaks none.
@@ -511,7 +513,7 @@ void checkUpdate(const RuleCheck &check, const UpdateIds &ids, const input::Stru
         UpdatedGeometry now;
         if (geometry.attachment)
             now = {true, geometry.attachment->khr, check.device().objects.structureOf(geometry.attachment->micromap),
-                   geometry.attachment->micromap};
+                   geometry.attachment->micromap, geometry.attachment->usages.copy()};
         const Place place = check.place().element("pGeometries", g);
         checkGeometryUpdate(check.at(place), source, g, now, ids);
     }
