@@ -383,17 +383,16 @@ void BuiltCase::reloadObject(const Step &step)
     const oracle::Object &object = scene_.objects[step.target];
     const Guarded data = serialized(*bottom.structure);
     std::map<uint32_t, std::unique_ptr<Micromap>> originals;
-    std::map<uint32_t, Guarded> later; // data of micromaps
+    std::map<uint32_t, Guarded> contents; // of micromaps; all are serialized before copies without content are made
+    for (uint32_t m = 0; step.relocated && gpu_.khr() && m < micromaps_.size(); ++m)
+        if (object.uses(m))
+            contents.emplace(m, serialized(*micromaps_[m], step));
     Addresses addresses;
     std::set<VkDeviceAddress> needed;
-    for (uint32_t m = 0; step.relocated && gpu_.khr() && m < micromaps_.size(); ++m) {
-        if (!object.uses(m))
-            continue;
+    for (const auto &[number, content] : contents) {
+        const uint32_t m = number;
         auto copy = std::make_unique<Micromap>(gpu_, *micromaps_[m], micromaps_[m]->size());
-        Guarded content = serialized(*micromaps_[m], step);
-        if (step.structureFirst)
-            later.emplace(m, std::move(content));
-        else
+        if (!step.structureFirst)
             deserialize(content, *copy, step);
         addresses[micromaps_[m]->range().address] = copy->range().address;
         if (std::ranges::any_of(object.meshes, [m](const oracle::Mesh &mesh) { return showsMicromap(mesh, m); }))
@@ -407,8 +406,9 @@ void BuiltCase::reloadObject(const Step &step)
     deserialize(data, *target);
     // "Before using the deserialized acceleration structure, the micromaps must be deserialized"
     // (vkCmdCopyAccelerationStructureToMemoryKHR)
-    for (const auto &[m, content] : later)
-        deserialize(content, *micromaps_[m], step);
+    for (const auto &[m, content] : contents)
+        if (step.structureFirst)
+            deserialize(content, *micromaps_[m], step);
     bottom.structure = std::move(target);
     bottom.geometries = oracle::geometriesOf(object, micromaps_, spareTriangles());
     for (uint32_t o = 0; o < bottoms_.size(); ++o)

@@ -56,8 +56,13 @@ Case updates(Random &random, const DeviceLimits &limits)
                                Kind::CompactObject, Kind::ReloadObject,  Kind::CloneMicromap,  Kind::CompactMicromap,
                                Kind::CloneTop,      Kind::CompactTop,    Kind::ReloadTop};
     Case c = withSteps(random, limits, kinds, 6);
-    for (Step &step : c.steps)
-        step.update |= targetOf(step.kind) == Target::Micromap && chance(random, 50);
+    for (Step &step : c.steps) {
+        if (targetOf(step.kind) != Target::Micromap || step.update || !chance(random, 50))
+            continue;
+        step.update = true;
+        allowUpdates(c);
+        step.update = invalid(c).empty();
+    }
     return c;
 }
 

@@ -350,7 +350,11 @@ void addSteps(Random &random, Case &c, std::span<const Kind> kinds, uint32_t cou
     }
     // In the order in which they are carried out.
     std::ranges::stable_partition(c.steps, [](const Step &step) { return targetOf(step.kind) != Target::Top; });
-    // Objects whose micromaps change in more than their data
+    allowUpdates(c);
+}
+
+void allowUpdates(Case &c)
+{
     for (oracle::Object &object : c.scene.objects) {
         if ((object.flags & kAllowDataUpdate) != 0 && !invalid(c).empty())
             object.flags ^= kAllowDataUpdate | kAllowMicromapUpdate;

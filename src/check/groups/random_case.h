@@ -64,6 +64,8 @@ std::optional<std::pair<uint32_t, uint32_t>> makeFine(Random &random, oracle::Sc
 std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Step::Kind kind, const DeviceLimits &limits);
 // Appends `count` steps of random kinds.
 void addSteps(Random &random, Case &c, std::span<const Step::Kind> kinds, uint32_t count, const DeviceLimits &limits);
+// Lets objects be updated in more than the data of their micromaps, if a step does that.
+void allowUpdates(Case &c);
 
 // Flags like those of the ray, each of those of opacity as likely as the others.
 uint32_t constantFlags(Random &random, const Ray &ray);

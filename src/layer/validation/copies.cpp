@@ -34,7 +34,8 @@ void copied(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &s
     if (target && source)
         check.whenExecuted([&device = check.device(), source, target] {
             const uint64_t built = source->built;
-            setContents(device, target, source->contents);
+            const bool isKnown = source->contents || !isNotConstructed(device, *source).empty();
+            setContents(device, target, isKnown ? source->contents : unknownContents(source->type));
             target->built = built;
         });
 }
