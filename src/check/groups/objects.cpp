@@ -4,6 +4,7 @@
 #include <array>
 
 #include "check/case/step.h"
+#include "check/case/validity.h"
 #include "check/groups/random_case.h"
 
 namespace vellum::check

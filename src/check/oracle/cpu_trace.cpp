@@ -18,8 +18,10 @@ constexpr double kGrazing = 0.02;  // cosine
 // How far a driver's rounding may move a triangle or a ray, in units of the object. "Implementations should take
 // efforts to maintain as much precision as possible" is all that the specification says.
 constexpr double kPlace = 5e-6;
-constexpr double kMostMargin = 5e-4; // in barycentrics: half of what the judges tolerate
-constexpr double kWidest = 0.05;     // the same of slivers
+constexpr double kMostMargin = 5e-4;  // in barycentrics: half of what the judges tolerate
+constexpr double kFlat = 1e-9;        // products of edges, of vertices in one line
+constexpr double kNearSegment = 1e-3; // to a triangle whose vertices are in one line
+constexpr double kWidest = 0.05;      // the same of slivers
 
 using Point = std::array<double, 3>;
 
@@ -183,6 +185,22 @@ private:
         slackOf_.push_back(slack_);
     }
 
+    // Vertices in one line
+    static bool isSegment(const Point &e1, const Point &e2)
+    {
+        const Point normal = cross(e1, e2);
+        return dot(normal, normal) < kFlat * kFlat && dot(e1, e1) + dot(e2, e2) > 0;
+    }
+
+    // "Degenerate triangles do not generate any intersections", but a driver that intersects transformed vertices finds
+    // an area by rounding.
+    void segment(const Point &toOrigin, const Point &edge)
+    {
+        const Point across = cross(local_.direction, edge);
+        const double length = std::sqrt(dot(across, across));
+        out_.unsure |= std::abs(dot(toOrigin, across)) <= kNearSegment * length;
+    }
+
     // Möller and Trumbore.
     void triangle(const Instance &instance, const Mesh &mesh, Hit hit)
     {
@@ -195,6 +213,8 @@ private:
         const Point p = cross(local_.direction, e2);
         const double determinant = dot(e1, p);
         const Point toOrigin = local_.origin - v0;
+        if (std::abs(determinant) < kFlat && isSegment(e1, e2))
+            return segment(toOrigin, dot(e1, e1) > dot(e2, e2) ? e1 : e2);
         hit.u = dot(toOrigin, p) / determinant;
         if (hit.u < -kWidest || hit.u > 1 + kWidest)
             return; // most triangles of a large scene
