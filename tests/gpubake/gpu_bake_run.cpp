@@ -218,10 +218,11 @@ GpuBaked BakeJob::read() const
     GpuBaked baked;
     baked.result = result();
     baked.data.assign(data_.bytes(), data_.bytes() + data_.size());
-    baked.records.resize(static_cast<size_t>(records_.size() / sizeof(VkMicromapTriangleEXT)));
-    std::memcpy(baked.records.data(), records_.bytes(), static_cast<size_t>(records_.size()));
-    baked.indices.resize(static_cast<size_t>(indices_.size() / 4));
-    std::memcpy(baked.indices.data(), indices_.bytes(), static_cast<size_t>(indices_.size()));
+    // Without any, the address is null.
+    const auto *records = reinterpret_cast<const VkMicromapTriangleEXT *>(records_.bytes());
+    baked.records.assign(records, records + records_.size() / sizeof *records);
+    const auto *indices = reinterpret_cast<const int32_t *>(indices_.bytes());
+    baked.indices.assign(indices, indices + indices_.size() / sizeof *indices);
     return baked;
 }
 

@@ -39,6 +39,14 @@ void *operator new(size_t size)
 {
     return vellum::test::allocate(size);
 }
+void *operator new(size_t size, const std::nothrow_t &) noexcept
+{
+    try {
+        return vellum::test::allocate(size);
+    } catch (const std::bad_alloc &) {
+        return nullptr;
+    }
+}
 void operator delete(void *memory) noexcept
 {
     vellum::test::release(memory);
