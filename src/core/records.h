@@ -234,10 +234,10 @@ VELLUM_CONST uint kBlockHeaderOpaqueBoxes = 8u; // word 7 of the descriptor
 // data of the driver alone has no block.
 VELLUM_CONST uint kCompatibilityWord = 0x564d4f03u; // changes with kBlockVersion
 // Sizes of structures modulo 256 state what they hold, in queries and in serialized data: this for a TLAS, 0 for a
-// BLAS. They cost no memory, since structures begin at multiples of 256. "dst must have been created with a size
-// greater than or equal to that used to serialize the data"
-// (VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746): a structure of the size that any query has reported for
-// the source is large enough.
+// BLAS. They cost no memory, since structures begin at multiples of 256. A structure of the size that any query has
+// reported for the source of serialized data is large enough, unless data of EXT micromaps is serialized with it: "dst
+// must have been created with a size greater than or equal to that used to serialize the data"
+// (VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746).
 VELLUM_CONST uint kTopLevelSizeMark = 128u;
 VELLUM_FN uint topLevelSizeUnits(VELLUM_IN uint needed) // in 16-byte units
 {

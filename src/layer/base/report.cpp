@@ -123,13 +123,14 @@ void Reporter::apply(const Settings &settings, const void *instanceChain)
 void Reporter::addMessenger(VkDebugUtilsMessengerEXT handle, const VkDebugUtilsMessengerCreateInfoEXT &info)
 {
     const Messenger messenger{handle, info.messageSeverity, info.messageType, info.pfnUserCallback, info.pUserData};
+    const std::string id = settingId(); // nothing fails once the messenger is known
     std::vector<std::string> faults;
     {
         std::lock_guard lock(mutex_);
         messengers_.push_back(messenger);
-        faults.swap(settingFaults_);
+        if ((info.messageSeverity & VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT) != 0)
+            faults.swap(settingFaults_);
     }
-    const std::string id = settingId();
     for (const std::string &text : faults)
         call(messenger, {VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT, id, text});
 }

@@ -448,7 +448,7 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
     if (!handle)
         return;
     if (Device *known = deviceOfKey(dispatchKey(handle)); known && known->validation) {
-        reportLeaks(*known->validation);
+        remember(known->validation->objects, [&] { reportLeaks(*known->validation); });
         known->validation.reset(); // its objects are destroyed by the commands of the device
     }
     std::unique_ptr<Device> device(devices->take(dispatchKey(handle)));

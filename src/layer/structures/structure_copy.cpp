@@ -174,7 +174,7 @@ void recordStructureCopy(DeviceStructures &device, VkCommandBuffer commandBuffer
         return;
     work.barrier();
     if (top) {
-        const TopLevelLayout layout(device.driver, 0, mostInstances(device, source, target));
+        const TopLevelLayout layout(device.driver, kTopLevelCopyFlags, mostInstances(device, source, target));
         recordTopLevelCopy(work, device, commandBuffer, kCommand, target, sourceDescriptor.address, layout,
                            kFromStructure);
         keepCount(source, target);

@@ -98,7 +98,7 @@ uint32_t topLevelCapacity(const Driver &driver, VkDeviceSize size)
                                                                 VkDeviceSize{kDirectoryPages} << kSlotsPerPageLog2));
     while (tooMany - fits > 1) {
         const uint32_t middle = fits + (tooMany - fits) / 2;
-        (TopLevelLayout(driver, 0, middle).bytes() <= size ? fits : tooMany) = middle;
+        (TopLevelLayout(driver, kTopLevelCopyFlags, middle).bytes() <= size ? fits : tooMany) = middle;
     }
     return fits;
 }

@@ -44,7 +44,7 @@ void saveTopLevel(InjectedWork &work, DeviceStructures &device, const Accelerati
     push.root = device.objects.root.address();
     push.fallback = fallbackStructure(device).address;
     push.structureUnits = unitsOf(source.size);
-    push.leastUnits = unitsOf(TopLevelLayout(device.driver, 0, 0).tailOffset);
+    push.leastUnits = unitsOf(TopLevelLayout(device.driver, kTopLevelCopyFlags, 0).tailOffset);
     push.capacity = unitsOf(device.buffers.addresses.bytesFrom(target));
     for (push.pass = 0; push.pass < 2; ++push.pass) {
         work.dispatch(InjectedShader::TopSave, push, push.pass == 0 ? 1 : copyInvocations(source.size), 64);
@@ -218,7 +218,7 @@ struct Restore {
         VkDeviceSize keptBytes = 0;
         bool topFits = false;
         if (kind() == kDescriptorUnbuilt) {
-            const VkDeviceSize topBytes = TopLevelLayout(device.driver, 0, most).bytes();
+            const VkDeviceSize topBytes = TopLevelLayout(device.driver, kTopLevelCopyFlags, most).bytes();
             topFits = topBytes <= capacityOf(device.objects, *target);
             keptBytes = std::max(alignUp(fallbackBytes, 16), topFits ? topBytes : 0);
         }
@@ -287,7 +287,7 @@ struct Restore {
     {
         return recordTopLevelCopy(work, device, commandBuffer, kRestoreCommand, *target,
                                   push.staging + VkDeviceSize{kPlanDescriptorWord} * 4,
-                                  TopLevelLayout(device.driver, 0, most), kFromSerialized);
+                                  TopLevelLayout(device.driver, kTopLevelCopyFlags, most), kFromSerialized);
     }
 
     void recordDriver(InjectedWork &work, const StructureRestorePush &push) const

@@ -32,9 +32,9 @@ void copied(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &s
     copyRecord(check.device(), check.commandBuffer(), source, target);
     findReference(check.device(), target);
     if (target && source)
-        check.whenExecuted([&device = check.device(), source, target] {
+        check.afterExecution([&device = check.device(), source, target](bool isOrdered) {
             const uint64_t built = source->built;
-            const bool isKnown = source->contents || !isNotConstructed(device, *source).empty();
+            const bool isKnown = isOrdered && (source->contents || !isNotConstructed(device, *source).empty());
             setContents(device, target, isKnown ? source->contents : unknownContents(source->type));
             target->built = built;
         });
@@ -49,7 +49,7 @@ void deserialized(const RuleCheck &check, const std::shared_ptr<ValidatedStructu
     findReference(check.device(), target);
     const auto contents = unknownContents(target->type);
     contents->header = std::move(header);
-    check.whenExecuted([&device = check.device(), target, contents] { setContents(device, target, contents); });
+    check.afterExecution([&device = check.device(), target, contents](bool) { setContents(device, target, contents); });
 }
 
 input::Copy checkCopy(const RuleCheck &check, input::Copy copy, const char *constructed)

@@ -58,13 +58,13 @@ std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, Objec
     structure->createFlags = flags;
     structure->record = device.records.take();
     structure->buffer = device.objects.buffers.get(buffer);
-    if (structure->buffer)
-        structure->buffer->structures.add(structure);
     structure->offset = offset;
     structure->size = size;
     structure->ownAllocator = ownAllocator;
     if (structure->buffer && structure->buffer->address)
         structure->memoryAddress = structure->buffer->address + offset;
+    if (structure->buffer)
+        structure->buffer->structures.add(structure);
     return structure;
 }
 
@@ -82,9 +82,9 @@ bool isDestroyed(DeviceValidation &device, ObjectHandle object, const char *comm
 // Others may still refer to the structure, which is not valid any more.
 void setLost(DeviceValidation &device, const ValidatedStructure &structure, const char *how)
 {
-    {
+    if (structure.isMicromap()) {
         const std::lock_guard lock(device.logs.submissions);
-        if (structure.isMicromap() && structure.contents && structure.contents->discardable)
+        if (mayBeDiscardable(device, structure))
             return;
     }
     remember(device.objects, [&] { device.objects.lost.add(structure, {++device.numbers, structure.handle, how}); });

@@ -103,7 +103,8 @@ input::PropertyQuery writeProperties(const RuleCheck &command, input::PropertyQu
         return query;
     if (device.checks.core && pool->type == query.type && uint64_t{query.first} + count <= facts.count)
         checkUnavailable(command, pool, query.first, count, ids.unavailable);
-    command.whenExecuted([pool, first = query.first, count] { setStates(*pool, first, count, State::Available); });
+    command.afterExecution(
+        [pool, first = query.first, count](bool) { setStates(*pool, first, count, State::Available); });
     return query;
 }
 

@@ -11,6 +11,7 @@ namespace vellum::layer
 
 void reportCompleted(DeviceValidation &device, bool idle)
 {
+    device.logs.settle(); // the application may destroy now what submissions use whose effects have not happened yet
     device.gpu.report(idle);
     device.traces.marks.report(device, idle);
     device.traces.traced.report(device);

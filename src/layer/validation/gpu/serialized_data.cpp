@@ -244,7 +244,7 @@ private:
 // Adds a check when the command is executed for the first time.
 void addWhenExecuted(GpuChecks &gpu, const RuleCheck &check, PendingChecks::Check pending)
 {
-    check.whenExecuted([&gpu, pending = std::move(pending)]() mutable {
+    check.afterExecution([&gpu, pending = std::move(pending)](bool) mutable {
         if (pending)
             gpu.pending.add(std::exchange(pending, nullptr));
     });
@@ -263,7 +263,7 @@ void checkSize(GpuChecks &gpu, const RuleCheck &check, const std::shared_ptr<Val
     if (!query->exists())
         return;
     query->record(check.commandBuffer(), *source);
-    check.whenExecuted([query] {}); // it lives as long as the commands, which may be submitted again
+    check.afterExecution([query](bool) {}); // it lives as long as the commands, which may be submitted again
     addWhenExecuted(gpu, check,
                     [&device, query = std::move(query), place = check.place().text(), vuid, most, text, source,
                      error](uint32_t &found) {
@@ -346,7 +346,7 @@ std::shared_ptr<SerializedHeader> checkSerializedData(GpuChecks &gpu, const Rule
         work.barrier(true);
     }
     auto header = std::make_shared<SerializedHeader>(std::move(capture), count);
-    check.whenExecuted([&device, header] { header->number = ++device.numbers; });
+    check.afterExecution([&device, header](bool) { header->number = ++device.numbers; });
     addWhenExecuted(gpu, check, [&device, header, place = check.place().text(), readable, target](uint32_t &found) {
         if (header->state() == SerializedHeader::State::Read)
             reportHeader({device, place, *target, found}, header->words(), readable);

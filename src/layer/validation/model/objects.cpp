@@ -15,6 +15,13 @@ constexpr size_t kMostAddresses = size_t{1} << 20;
 
 } // namespace
 
+bool mayBeDiscardable(const DeviceModel &device, const ValidatedStructure &micromap)
+{
+    const auto &contents = micromap.contents;
+    const bool isDrivers = !device.emulated && micromap.handle.type == VK_OBJECT_TYPE_MICROMAP_EXT;
+    return contents && (contents->discardable || (isDrivers && contents->deserialized));
+}
+
 void setContents(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure,
                  std::shared_ptr<const StructureContents> contents)
 {
@@ -31,9 +38,11 @@ void setContents(DeviceModel &device, const std::shared_ptr<ValidatedStructure> 
         before->contents = unknownContents(before->type);
         return;
     }
+    const bool isDiscardable = mayBeDiscardable(device, *before);
     before->contents = nullptr;
     before->overwrittenBy = structure->handle;
-    device.objects.lost.add(*before, {structure->since, before->handle, "was overwritten by another structure"});
+    if (!isDiscardable)
+        device.objects.lost.add(*before, {structure->since, before->handle, "was overwritten by another structure"});
 }
 
 void setReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure, VkDeviceAddress address)
@@ -50,7 +59,8 @@ void setReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure>
 void findReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure)
 {
     if (!device.checks.gpu || !structure || structure->isMicromap() || structure->referenceAddress != 0 ||
-        lacksMemory(device, *structure))
+        lacksMemory(device, *structure) || !structure->buffer ||
+        (structure->buffer->usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) == 0) // it has no address
         return;
     const VkAccelerationStructureDeviceAddressInfoKHR info{
         VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR, nullptr,
@@ -75,7 +85,8 @@ std::string isNotConstructed(const DeviceModel &device, const ValidatedStructure
 ConstructedStructures::Location ConstructedStructures::locationOf(const ValidatedStructure &structure)
 {
     const ValidatedBuffer *buffer = structure.buffer.get();
-    return buffer && buffer->memory ? Location{buffer->memory, buffer->memoryOffset + structure.offset} : Location{};
+    return buffer && buffer->memory ? Location{buffer->memory.load(), buffer->memoryOffset + structure.offset}
+                                    : Location{};
 }
 
 std::shared_ptr<ValidatedStructure> ConstructedStructures::set(const std::shared_ptr<ValidatedStructure> &structure)
@@ -139,7 +150,8 @@ std::shared_ptr<ValidatedStructure> StructuresByReference::at(VkDeviceAddress re
     const std::lock_guard lock(mutex_);
     std::shared_ptr<ValidatedStructure> last;
     structures_.visit(reference, [&](const auto &structure) {
-        if (!last || !last->contents || structure->contents)
+        const auto isValid = [](const ValidatedStructure &one) { return !one.destroyed && one.contents; };
+        if (!last || !isValid(*last) || isValid(*structure))
             last = structure;
     });
     return last;

@@ -104,9 +104,10 @@ struct ValidatedBuffer {
     VkFlags64 usage = 0; // that the application asked for
     VkBufferCreateFlags flags = 0;
     bool exclusive = false; // it belongs to one queue family at a time
-    bool destroyed = false;
-    bool memoryFreed = false;
-    VkDeviceMemory memory = VK_NULL_HANDLE; // null until it is bound, and once the memory is freed
+    // Other threads may ask for these while the application destroys or frees what is idle.
+    std::atomic<bool> destroyed = false;
+    std::atomic<bool> memoryFreed = false;
+    std::atomic<VkDeviceMemory> memory = VK_NULL_HANDLE; // null until it is bound, and once the memory is freed
     VkDeviceSize memoryOffset = 0;
     VkDeviceAddress address = 0;             // 0: without one, or without memory
     BoundRanges bound;                       // of a sparse buffer
@@ -124,7 +125,7 @@ struct ValidatedStructure {
     VkDeviceSize size = 0;
     VkDeviceAddress memoryAddress = 0; // of its memory; 0: unknown
     bool byAddress = false;            // it was created with the address alone: the buffer is one of those there
-    // From vkGetAccelerationStructureDeviceAddressKHR; 0 until the application calls it.
+    // From vkGetAccelerationStructureDeviceAddressKHR; 0 until the application calls it, or the structure is built.
     std::atomic<VkDeviceAddress> referenceAddress = 0;
 
     std::shared_ptr<StructureRecords::Owner> record; // null without the check `gpu`
@@ -134,8 +135,8 @@ struct ValidatedStructure {
     ObjectHandle overwrittenBy;                        // what was constructed in its memory since; none: nothing
     uint64_t since = 0;                                // DeviceModel::numbers when it got them
     uint64_t built = 0;                                // the same of the structure that they were copied from
-    uint64_t losses = 0; // of a top-level structure: LostStructures::count() when its instances were last checked
-    bool destroyed = false;
+    uint64_t losses = 0; // 1 + LostStructures::count() when instances were last checked; 0: they were not
+    std::atomic<bool> destroyed = false;
     bool ownAllocator = false; // it was created with allocation callbacks
 
     [[nodiscard]] bool isMicromap() const
@@ -355,6 +356,8 @@ void setReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure>
 // The same for a structure that is about to be constructed: the application may know the address from an earlier one
 // that was there. `structure`: null if it is unknown.
 void findReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure);
+// Whether structures may keep a copy of a micromap that they attach. CommandLogs::submissions is held.
+bool mayBeDiscardable(const DeviceModel &device, const ValidatedStructure &micromap);
 // Why a structure is not constructed, as a clause; empty: it is, or that is not known.
 std::string isNotConstructed(const DeviceModel &device, const ValidatedStructure &structure);
 // Why a structure has no memory, as a clause; null: it has memory, or that is not known.

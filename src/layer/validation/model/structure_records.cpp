@@ -22,6 +22,12 @@ constexpr uint32_t kAllReferences = 3; // word of record 0
 // The key of a bucket that had a reference: no address is as high.
 constexpr uint32_t kRemovedHigh = 0xffffffff;
 
+// Shaders may probe at the same time: a bucket that is not the last one never seems to be empty.
+void store(uint32_t &word, uint32_t value)
+{
+    __atomic_store_n(&word, value, __ATOMIC_RELEASE);
+}
+
 bool isRemoved(const uint32_t *words)
 {
     return words[0] == 0 && words[1] == kRemovedHigh;
@@ -81,9 +87,9 @@ uint32_t *StructureRecords::bucketOf(VkDeviceAddress reference, bool make)
     if (!make || !unused || buckets_ == kMostBuckets)
         return nullptr;
     ++buckets_;
-    std::fill_n(unused, kReferenceBucketWords, 0u);
-    unused[0] = low;
-    unused[1] = high;
+    unused[2] = unused[3] = 0;
+    store(unused[0], low);
+    store(unused[1], high);
     return unused;
 }
 
@@ -92,8 +98,8 @@ void StructureRecords::remove(uint32_t *words)
 {
     --buckets_;
     auto number = static_cast<uint32_t>((words - references_.words()) / kReferenceBucketWords);
-    words[0] = 0;
-    words[1] = kRemovedHigh;
+    store(words[1], kRemovedHigh);
+    store(words[0], 0);
     words[2] = words[3] = 0;
     const uint32_t *next = bucket(number + 1);
     if (next[0] != 0 || next[1] != 0)

@@ -49,7 +49,7 @@ public:
     // many addresses are forgotten.
     void setDestroyed(const Owner &record);
     void removeReference(const Owner &record);
-    // Structures may have references that the application did not get by setReference().
+    // Some structures may have references that the table lacks.
     void setIncomplete();
 
     [[nodiscard]] VkDeviceAddress address() const { return records_.address(); }

@@ -453,7 +453,6 @@ void checkGeometryUpdate(const RuleCheck &check, const std::shared_ptr<Validated
     });
 }
 
-// An update, against what the source holds when the command is executed.
 // An update has the flags and numbers of the build that it changes.
 struct SameBuild {
     VkFlags flags;
@@ -500,6 +499,7 @@ void checkSameBuild(const RuleCheck &check, const std::shared_ptr<ValidatedStruc
     });
 }
 
+// An update, against what the source holds when the command is executed.
 void checkUpdate(const RuleCheck &check, const UpdateIds &ids, const input::StructureBuild &build)
 {
     const auto source = check.device().objects.structureOf(build.given->srcAccelerationStructure);

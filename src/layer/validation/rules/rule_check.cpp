@@ -62,9 +62,18 @@ void RuleCheck::whenExecuted(const char *vuid, std::function<std::string()> find
     });
 }
 
-void RuleCheck::whenExecuted(std::function<void()> effect) const
+void RuleCheck::whenExecuted(std::function<void()> check) const
 {
-    device_.logs.add(commandBuffer_, [effect = std::move(effect)](const Submission &) { effect(); });
+    afterExecution([check = std::move(check)](bool isOrdered) {
+        if (isOrdered)
+            check();
+    });
+}
+
+void RuleCheck::afterExecution(std::function<void(bool)> effect) const
+{
+    device_.logs.add(commandBuffer_,
+                     [effect = std::move(effect)](const Submission &submission) { effect(submission.ordered); });
 }
 
 MemoryRange memoryOf(const ValidatedStructure *structure, VkDeviceSize bytes)
@@ -72,7 +81,7 @@ MemoryRange memoryOf(const ValidatedStructure *structure, VkDeviceSize bytes)
     if (!structure || !structure->buffer || !structure->buffer->memory)
         return {};
     const VkDeviceSize begin = structure->buffer->memoryOffset + structure->offset;
-    return {structure->buffer->memory, begin, begin + std::min(bytes, structure->size)};
+    return {structure->buffer->memory.load(), begin, begin + std::min(bytes, structure->size)};
 }
 
 MemoryRange memoryAt(const DeviceModel &device, VkDeviceAddress address, VkDeviceSize bytes)
@@ -82,7 +91,7 @@ MemoryRange memoryAt(const DeviceModel &device, VkDeviceAddress address, VkDevic
     if (!buffer || bytes == 0)
         return {};
     const VkDeviceSize begin = buffer->memoryOffset + location.offset;
-    return {buffer->memory, begin, begin + bytes};
+    return {buffer->memory.load(), begin, begin + bytes};
 }
 
 void checkUsage(const RuleCheck &check, VkDeviceAddress address, VkFlags64 usage, const char *member, const char *vuid,

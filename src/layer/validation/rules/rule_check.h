@@ -48,8 +48,10 @@ public:
 
     // Checks a rule when the command is executed. `find` returns what is wrong then, or an empty text.
     void whenExecuted(const char *vuid, std::function<std::string()> find) const;
-    // The same for an effect of the command.
-    void whenExecuted(std::function<void()> effect) const;
+    // The same for several rules.
+    void whenExecuted(std::function<void()> check) const;
+    // An effect of the command. `isOrdered`: what objects hold then is known.
+    void afterExecution(std::function<void(bool isOrdered)> effect) const;
 
 private:
     DeviceModel &device_;

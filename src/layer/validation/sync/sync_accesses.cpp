@@ -16,7 +16,7 @@ Range rangeOf(const ValidatedBuffer *buffer, VkDeviceSize offset, VkDeviceSize s
     if (!buffer || !buffer->memory || offset >= buffer->size)
         return {};
     const VkDeviceSize begin = buffer->memoryOffset + offset;
-    return {uint64_t(buffer->memory), begin, begin + std::min(size, buffer->size - offset)};
+    return {uint64_t(buffer->memory.load()), begin, begin + std::min(size, buffer->size - offset)};
 }
 
 std::string stagesText(VkPipelineStageFlags2 stages)
@@ -134,7 +134,7 @@ void reportDestroyed(DeviceModel &device, const Submission &submission, const ch
         if (lost)
             device.fault(Place(command), submission.invalidId,
                          (structure->isMicromap() ? "micromap " : "structure ") + device.nameOf(structure->handle) +
-                             ": " + lost + " before the command buffer was submitted",
+                             ": when the command buffer is submitted, " + lost,
                          structure->handle);
     }
 }

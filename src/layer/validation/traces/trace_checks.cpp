@@ -273,13 +273,8 @@ std::optional<LostPart> lostPart(const DeviceModel &device, const TraceUse &use,
         }
         const auto contents = structure->contents;
         if (!contents) {
-            const std::string how = isNotConstructed(device, *structure);
-            const auto loss =
-                structure->overwrittenBy
-                    ? lost.byReference(references[i])
-                    : std::optional(LostStructures::Loss{.handle = structure->handle, .how = "was never built"});
-            if (!how.empty() && loss && loss->number <= use.number)
-                return LostPart{i, *loss};
+            if (structure->number < use.number && !isNotConstructed(device, *structure).empty())
+                return LostPart{i, {.handle = structure->handle, .how = "was never built"}};
             continue;
         }
         if (structure->since > use.number)
@@ -310,8 +305,7 @@ void TracedStructures::use(DeviceModel &device, const TraceUse &use, bool isOrde
 {
     ValidatedStructure &structure = *use.structure;
     const std::string found = isNotConstructed(device, structure);
-    // What is built where the order is not known is unknown as well.
-    if (!found.empty() && (isOrdered || structure.contents))
+    if (!found.empty() && isOrdered)
         return reportLost(device, use, found);
     const uint64_t losses = 1 + device.objects.lost.count(); // 0: instances were not checked
     if (!use.contents || !use.contents->instances.memory || structure.losses == losses)
@@ -340,6 +334,7 @@ void TracedStructures::report(DeviceModel &device)
 {
     if (!any_)
         return;
+    const HeldMessages held;
     const std::lock_guard submissions(device.logs.submissions); // change what structures hold
     const std::lock_guard lock(mutex_);
     std::erase_if(traced_, [&](const Traced &traced) {
@@ -375,7 +370,7 @@ void useSite(DeviceTraces &traces, const TracingSite &site, const StructureSet *
     const auto useStructure = [&](const std::shared_ptr<ValidatedStructure> &structure) {
         use.contents = structure && isOrdered ? structure->contents : nullptr;
         use.structure = structure;
-        if (structure)
+        if (structure && site.binding.element) // of several, the shader may use others
             traces.traced.use(traces.device, use, isOrdered);
         if (site.mark)
             traces.marks.use(site.mark->index(), use);
