@@ -3,6 +3,7 @@
 
 #include <cstring>
 
+#include "layer/entry/ray_tracing_extensions.h"
 #include "vk/newer.h"
 
 namespace vellum::layer

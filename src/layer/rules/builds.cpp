@@ -965,9 +965,10 @@ void checkBuild(const InputCheck &check, bool indirect, input::StructureBuild &b
     if (!indirect && goesOn())
         verdict &= check.check<Structure>(kDirectStructure, c);
     if (goesOn())
-        verdict &= checkAttachments(check, build, &objects, [indirect](const InputCheck &part, const Attached &c) {
-            return checkAttachment(part, indirect, c);
-        });
+        verdict &=
+            checkAttachments(check, build, &objects, [indirect](const InputCheck &part, const Attached &attached) {
+                return checkAttachment(part, indirect, attached);
+            });
     build.accepted = verdict.accepted;
 }
 
