@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
-#include <ranges>
 #include <unordered_set>
 
 #include "layer/rules/builds.h"
@@ -820,27 +819,28 @@ void checkChains(const InputCheck &check, const VkAccelerationStructureGeometryK
     default: break;
     }
 }
-// The chains of a build and of its geometries, of which some may be null.
-template <typename Geometries>
-void checkChains(const InputCheck &check, const void *first, const Geometries &geometries)
+// The chain of a geometry, which may be null.
+void checkChains(const InputCheck &check, uint32_t g, const VkAccelerationStructureGeometryKHR *given)
 {
-    if (!check.device().validating)
-        return;
-    check.check<Chain>(kBuildChain, {first, check.device()});
-    for (uint32_t g = 0; const VkAccelerationStructureGeometryKHR *given : geometries) {
-        const Place place = check.place().element("pGeometries", g++);
-        if (given)
-            checkChains(check.at(place), *given);
-    }
+    const Place place = check.place().element("pGeometries", g);
+    if (given)
+        checkChains(check.at(place), *given);
 }
 void checkChains(const InputCheck &check, const input::StructureBuild &build)
 {
-    checkChains(check, build.given->pNext, std::views::transform(build.geometries, &input::Geometry::given));
+    if (!check.device().validating)
+        return;
+    check.check<Chain>(kBuildChain, {build.given->pNext, check.device()});
+    for (uint32_t g = 0; g < build.geometries.size(); ++g)
+        checkChains(check, g, build.geometries[g].given);
 }
 void checkChains(const InputCheck &check, const input::MicromapBuild &build)
 {
+    if (!check.device().validating)
+        return;
     const auto *given = static_cast<const VkAccelerationStructureBuildGeometryInfoKHR *>(build.given);
-    checkChains(check, given->pNext, std::array{build.geometry});
+    check.check<Chain>(kBuildChain, {given->pNext, check.device()});
+    checkChains(check, 0, build.geometry);
 }
 
 Verdict checkAttachment(const InputCheck &check, bool indirect, const Attached &c)
