@@ -194,11 +194,11 @@ public:
                 [&sync = sync_, command = command_, structures = std::move(structures_)](const Submission &submission) {
                     reportDestroyed(sync.device, submission, command, structures);
                 });
-        sync_.device.logs.add(commandBuffer_, [&sync = sync_, command = command_,
-                                               accesses = std::move(accesses_)](const Submission &submission) {
-            for (const Hazard &hazard : sync.tracker.access(uint64_t(submission.queue), accesses))
-                report(sync.device, hazard);
-        });
+        sync_.device.logs.add(commandBuffer_,
+                              [&sync = sync_, accesses = std::move(accesses_)](const Submission &submission) {
+                                  for (const Hazard &hazard : sync.tracker.access(uint64_t(submission.queue), accesses))
+                                      report(sync.device, hazard);
+                              });
     }
 
 private:
