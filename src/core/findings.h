@@ -53,14 +53,15 @@ VELLUM_CONST uint kFindingDestroyed = 17u;   // names a structure that was destr
 VELLUM_CONST uint kFindingNoStructure = 18u; // names nothing
 
 // --- record of a structure: what the last build or copy that the device executed put there (4 words) ---
-// word 0: kRecord*, word 1: flags of the build, word 2: triangles of a micromap; of record 0, which is no structure's,
-// word 3: 1 if the table has all references that the application got
+// word 0: kRecord*, word 1: flags of the build, word 2: triangles of a micromap
 VELLUM_CONST uint kStructureRecordWords = 4u;
 VELLUM_CONST uint kRecordUnknown = 0u; // never built, or by a command that validation does not follow
 VELLUM_CONST uint kRecordMicromap = 1u;
 VELLUM_CONST uint kRecordBottom = 2u;
 VELLUM_CONST uint kRecordTop = 3u;
 VELLUM_CONST uint kRecordDestroyed = 4u;
+// word of record 0, which is no structure's; 1: the table has all references that the application got
+VELLUM_CONST uint kRecordAllReferences = 3u;
 
 // --- table of references: open addressing; bucket: reference (2 words), index of a record,
 // 1: several structures have had the reference at the same time ---

@@ -75,7 +75,7 @@ void main()
     bool isKnown;
     Words record = recordOf(reference, isKnown);
     const uint kind = record.w[0];
-    if (!isKnown && record.w[3] != 0u)
+    if (!isKnown && record.w[kRecordAllReferences] != 0u)
         reportFinding(kFindingNoStructure, i, reference.x, reference.y);
     else if (kind == kRecordMicromap || kind == kRecordTop || kind == kRecordDestroyed)
         reportFinding(kind == kRecordMicromap ? kFindingMicromap : kind == kRecordTop ? kFindingTopLevel : kFindingDestroyed,

@@ -195,7 +195,6 @@ TEST_F(TopCopies, SerializedHandles)
     EXPECT_EQ(look(*generic, 7), expected);
 }
 
-// Two structures from the same data, with other bottom-level structures each.
 // A structure as large as the source is large enough (VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746), as is one
 // of the source's compacted size.
 TEST_F(TopCopies, DeserializedIntoTheSizeOfTheSource)
@@ -217,6 +216,7 @@ TEST_F(TopCopies, DeserializedIntoTheSizeOfTheSource)
     }
 }
 
+// Two structures from the same data, with other bottom-level structures each.
 TEST_F(TopCopies, SerializedTwiceWithOtherHandles)
 {
     auto source = std::make_unique<Tlas>(gpu(), instances(6, 1));

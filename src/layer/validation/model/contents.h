@@ -19,7 +19,6 @@
 namespace vellum::layer
 {
 
-struct StructureContents;
 struct ValidatedStructure;
 class SerializedHeader;
 

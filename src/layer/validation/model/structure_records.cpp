@@ -17,7 +17,6 @@ constexpr uint32_t kRecords = 1u << 16;
 constexpr uint32_t kBuckets = 1u << kReferenceBucketsLog2;
 constexpr uint32_t kMostBuckets = kBuckets / 4; // so that probes end
 constexpr VkDeviceSize kRecordBytes = sizeof(RecordWords);
-constexpr uint32_t kAllReferences = 3; // word of record 0
 
 // The key of a bucket that had a reference: no address is as high.
 constexpr uint32_t kRemovedHigh = 0xffffffff;
@@ -42,7 +41,7 @@ VkResult StructureRecords::create(const GpuContext &context)
     if (result != VK_SUCCESS)
         return result;
     records_.words()[kDestroyed * kStructureRecordWords] = kRecordDestroyed;
-    records_.words()[kAllReferences] = 1;
+    records_.words()[kRecordAllReferences] = 1;
     return references_.create(context, VkDeviceSize{kBuckets} * kReferenceBucketWords * 4);
 }
 
@@ -129,7 +128,7 @@ void StructureRecords::setReference(VkDeviceAddress reference, const Owner &reco
 void StructureRecords::setIncomplete()
 {
     if (records_.words())
-        records_.words()[kAllReferences] = 0;
+        records_.words()[kRecordAllReferences] = 0;
 }
 
 void StructureRecords::setDestroyed(const Owner &record)
