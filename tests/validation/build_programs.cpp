@@ -234,6 +234,26 @@ void scratchPastTheBuffer(Gpu &gpu, bool wrong)
                       [&](VkCommandBuffer commands) { recordMicromapBuilds(gpu, commands, std::span(&build, 1)); });
 }
 
+// The scratch memory of a structure of triangles begins at most 16 bytes before the end of its buffer.
+template <bool update>
+void structureScratchPastTheBuffer(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {Geometry{.vertices = triangleRow(500)}}, VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR);
+    BuildInfo info = blas.buildInfo();
+    if (update) {
+        info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
+        info.srcAccelerationStructure = info.dstAccelerationStructure;
+    }
+    constexpr VkDeviceSize kMuch = 1 << 20; // a multiple of alignments
+    const Buffer buffer(gpu, kMuch + 16,
+                        VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+    info.scratchData.deviceAddress = (buffer.address() + (wrong ? kMuch : 255)) / 256 * 256;
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = blas.ranges();
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+    });
+}
+
 // A build of a structure of triangles that has been changed.
 template <auto change>
 void structureBuild(Gpu &gpu, bool wrong)
@@ -375,6 +395,10 @@ const WrongProgram kPrograms[] = {
      khrBuild<KHR_CHANGE(build.info.scratchData.deviceAddress = 0)>},
     {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-micromap-11559", Api::Khr, kNeedsNoFeature, sizesWithoutFeature},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12258", Api::Khr, kNeedsNothing, scratchPastTheBuffer},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12258", Api::Khr, kNeedsNothing,
+     structureScratchPastTheBuffer<false>, "Bottom"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12259", Api::Khr, kNeedsNothing,
+     structureScratchPastTheBuffer<true>, "Bottom"},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543", Api::Khr, kNeedsNothing,
      structureBuild<[](BuildInfo &, auto &ranges) { ranges = nullptr; }>},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-mode-04628", Api::Khr, kNeedsNothing,

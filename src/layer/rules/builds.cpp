@@ -345,11 +345,7 @@ Found smallScratch(const Build &c)
 {
     const VkDeviceSize available = c.device.addresses.bytesFrom(c.build.scratch.deviceAddress);
     return when(
-        available < c.build.needs.scratch,
-        [&] {
-            return "its buffer has " + std::to_string(available) + " bytes from there; the build needs " +
-                   std::to_string(c.build.needs.scratch);
-        },
+        available < c.build.needs.scratch, [&] { return tooFewBytes(available, c.build.needs.scratch); },
         c.ifRead(Reject));
 }
 
@@ -428,7 +424,7 @@ constexpr Rule<Build> kKhrMemory[] = {
          return found ? found : scratchWithoutUsage(c);
      }},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710", Depends, "scratchData", misalignedScratch},
-    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12258", Depends, "scratchData", smallScratch},
+    {kScratchSizeId, Depends, "scratchData", smallScratch},
     {"VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11646", Depends, "triangleArrayStride",
      [](const Build &c) {
          return when(
@@ -972,6 +968,11 @@ void checkBuild(const InputCheck &check, bool indirect, input::StructureBuild &b
 }
 
 } // namespace
+
+std::string tooFewBytes(VkDeviceSize available, VkDeviceSize needed)
+{
+    return "its buffer has " + std::to_string(available) + " bytes from there; the build needs " + std::to_string(needed);
+}
 
 void checkBuilds(const RuleDevice &device, const Place &command, input::Builds &builds, const Facts &facts,
                  bool indirect)

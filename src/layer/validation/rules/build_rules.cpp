@@ -48,8 +48,8 @@ BuildMemory memoryOf(const DeviceModel &device, const input::MicromapBuild &buil
             build.host ? MemoryRange{} : memoryAt(device, build.scratch.deviceAddress, build.needs.scratch)};
 }
 
-// The bytes that a build of another structure may write, by a query of sizes.
-VkDeviceSize sizeOf(const DeviceModel &device, const input::StructureBuild &build)
+// The sizes that a build of another structure needs, by a query.
+VkAccelerationStructureBuildSizesInfoKHR sizesOf(const DeviceModel &device, const input::StructureBuild &build)
 {
     std::vector<uint32_t> counts;
     for (uint32_t g = 0; g < build.geometries.size(); ++g)
@@ -61,20 +61,27 @@ VkDeviceSize sizeOf(const DeviceModel &device, const input::StructureBuild &buil
     const input::Checked checked(build.given, query); // the implementation does not report its violations again
     device.next.GetAccelerationStructureBuildSizesKHR(
         device.driver.handle, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, build.given, counts.data(), &sizes);
-    return sizes.accelerationStructureSize;
+    return sizes;
 }
 
-// Of builds of other structures the first byte of each range; of the target what the build needs, if its own scratch
-// memory begins inside of it.
-BuildMemory memoryOf(const DeviceModel &device, const input::StructureBuild &build)
+// The memory of a build without a mistake. Its scratch memory is checked against its buffer.
+BuildMemory memoryOf(const RuleCheck &check, const input::StructureBuild &build)
 {
+    const DeviceModel &device = check.device();
     const ObjectHandle target = build.given->dstAccelerationStructure;
-    const auto structure = device.objects.structureOf(target);
-    BuildMemory memory{build.element, target, memoryOf(structure.get(), 1),
-                       memoryAt(device, build.given->scratchData.deviceAddress, 1)};
-    if (build.accepted && structure && memory.scratchRange.overlaps(memoryOf(structure.get(), structure->size)))
-        memory.targetRange = memoryOf(structure.get(), sizeOf(device, build));
-    return memory;
+    if (!build.accepted)
+        return {build.element, target, {}, {}};
+    const VkAccelerationStructureBuildSizesInfoKHR sizes = sizesOf(device, build);
+    const VkDeviceAddress scratch = build.given->scratchData.deviceAddress;
+    const VkDeviceSize needed = build.isUpdate() ? sizes.updateScratchSize : sizes.buildScratchSize;
+    const VkDeviceSize available = device.buffers.addresses.bytesFrom(scratch);
+    if (needed > 0 && scratch != 0 && available < needed)
+        check.fault("scratchData",
+                    build.isUpdate() ? "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12259" : rules::kScratchSizeId,
+                    rules::tooFewBytes(available, needed));
+    return {build.element, target,
+            memoryOf(device.objects.structureOf(target).get(), sizes.accelerationStructureSize),
+            memoryAt(device, scratch, needed)};
 }
 
 void checkOverlaps(const RuleCheck &command, std::span<const BuildMemory> builds, const OverlapIds &ids)
@@ -564,8 +571,10 @@ void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildComman
     std::vector<BuildMemory> memory;
     for (const input::MicromapBuild &build : builds.micromaps)
         memory.push_back(memoryOf(device, build));
-    for (const input::StructureBuild &build : builds.structures)
-        memory.push_back(memoryOf(device, build));
+    for (const input::StructureBuild &build : builds.structures) {
+        const Place element = place.element("pInfos", build.element);
+        memory.push_back(memoryOf({device, element, build.given->dstAccelerationStructure, commandBuffer}, build));
+    }
     std::ranges::sort(memory, {}, &BuildMemory::element);
     const RuleCheck check(device, place, commandBuffer, commandBuffer);
     for (const input::StructureBuild &build : builds.structures)
