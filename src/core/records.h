@@ -152,7 +152,7 @@ VELLUM_CONST uint kRootHashTable = 0u; // words 0, 1: address of the BLAS hash t
 
 VELLUM_CONST uint kRootGpuErrors = 2u; // words 2, 3: address of the counters of GPU errors
 
-// GPU errors: errors of copies that only the GPU can find. Indices of counters, one word each, which only the GPU
+// GPU errors: errors of builds and copies that only the GPU can find. Indices of counters, one word each, which only the GPU
 // writes.
 VELLUM_CONST uint kGpuErrorForeignData = 0u;      // UUIDs of another driver or layer version
 VELLUM_CONST uint kGpuErrorDamagedData = 1u;      // data that is not serialized data, or not complete
@@ -167,7 +167,9 @@ VELLUM_CONST uint kGpuErrorMicromapTooSmall = 9u;  // micromap, or buffer, that 
 VELLUM_CONST uint kGpuErrorMicromapNotBuilt = 10u; // copy of a micromap that was never built
 VELLUM_CONST uint kGpuErrorMicromapData = 11u;     // data that is not a serialized micromap, or not complete
 VELLUM_CONST uint kGpuErrorMicromapOverlap = 12u;  // source and target of a copy of a micromap overlap
-VELLUM_CONST uint kGpuErrors = 13u;
+VELLUM_CONST uint kGpuErrorNoBottomLevel = 13u;    // instance, of a build, that references no bottom-level structure
+VELLUM_CONST uint kGpuErrorNoBottomLevelIndirect = 14u; // the same, of an indirect build
+VELLUM_CONST uint kGpuErrors = 15u;
 VELLUM_CONST uint kGpuErrorTotal = kGpuErrors; // counts all of them; incremented after the error's own counter
 VELLUM_CONST uint kGpuErrorCounters = kGpuErrors + 1u;
 // The word after the counters: the greatest instanceShaderBindingTableRecordOffset of all instances that were built.

@@ -366,7 +366,7 @@ constexpr const char *kStrideId = "VELLUM-micromap-stride";
 
 constexpr Rule<Build> kExtMemory[] = {
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07461", Depends, "dstMicromap", tooSmall},
-    {"VUID-vkCmdBuildMicromapsEXT-pInfos-07508", Report, "dstMicromap", notBound},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-07508", Reject, "dstMicromap", notBound},
     {kExtDataId, Depends, "data", noData},
     {kExtTrianglesId, Depends, "triangleArray", noTriangles},
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07515", Report, nullptr, [](const Build &c) { return misaligned(c, 256); }},
@@ -391,7 +391,7 @@ constexpr Rule<Build> kExtHostMemory[] = {
 };
 constexpr Rule<Build> kKhrMemory[] = {
     {kTargetSizeId, Depends, "dstAccelerationStructure", tooSmall},
-    {kBound, Report, "dstAccelerationStructure", notBound},
+    {kBound, Reject, "dstAccelerationStructure", notBound},
     {kKhrInputId, Depends, nullptr,
      [](const Build &c) {
          const Found data = noData(c);
@@ -553,7 +553,7 @@ constexpr Rule<Structure> kDirectStructure[] = {
          return when(!c.build.isUpdate() && c.build.given->mode != VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
                      "it is neither BUILD nor UPDATE");
      }},
-    {kBound, Report, "dstAccelerationStructure", [](const Structure &c) { return isUnbound(c.target); }},
+    {kBound, Reject, "dstAccelerationStructure", [](const Structure &c) { return isUnbound(c.target); }},
 };
 constexpr Rule<Structure> kGeometries[] = {
     {kArrays, Reject, "pGeometries",
@@ -603,10 +603,12 @@ Found unneededIndices(const Attached &c)
     return when(!c.indexed() && c.attachment.indexBuffer.deviceAddress != 0,
                 "it is not null, although indexType is VK_INDEX_TYPE_NONE_KHR");
 }
+// Null is no buffer.
 Found noIndices(const Attached &c)
 {
+    const VkDeviceAddress indices = c.attachment.indexBuffer.deviceAddress;
     return c.indexBytes() != 0 && c.attachment.indexStride <= UINT32_MAX
-               ? isInvalid(c.device, c.attachment.indexBuffer.deviceAddress, Report)
+               ? isInvalid(c.device, indices, indices == 0 ? Report : Reject)
                : Found{};
 }
 Found noMicromap(const Attached &c)
@@ -684,11 +686,11 @@ constexpr Rule<Attached> kExtAttachment[] = {
 };
 constexpr Rule<Attached> kExtDirectAttachment[] = {
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10904", Report, "indexBuffer", unneededIndices},
-    {kExtIndicesId, Report, "indexBuffer", noIndices},
+    {kExtIndicesId, Depends, "indexBuffer", noIndices},
 };
 constexpr Rule<Attached> kExtIndirectAttachment[] = {
     {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10904", Report, "indexBuffer", unneededIndices},
-    {kExtIndirectIndicesId, Report, "indexBuffer", noIndices},
+    {kExtIndirectIndicesId, Depends, "indexBuffer", noIndices},
 };
 constexpr Rule<Attached> kKhrAttachment[] = {
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexType-11570", Report, "indexType", wrongIndexType},
@@ -698,7 +700,7 @@ constexpr Rule<Attached> kKhrAttachment[] = {
      largeIndexStride},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexBuffer-11571", Report, "indexBuffer",
      unneededIndices},
-    {kKhrIndicesId, Report, "indexBuffer", noIndices},
+    {kKhrIndicesId, Depends, "indexBuffer", noIndices},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-11579", Report, "micromap",
      [](const Attached &c) {
          return when(!c.indexed() && !c.attachment.micromap,

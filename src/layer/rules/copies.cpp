@@ -54,8 +54,8 @@ constexpr Rule<Copied> kExtCopy[] = {
     {"VUID-VkCopyMicromapInfoEXT-mode-07531", Tolerate, "mode", wrongMode},
 };
 constexpr Rule<Copied> kExtDeviceCopy[] = {
-    {"VUID-vkCmdCopyMicromapEXT-buffer-07529", Report, "src", unboundSource},
-    {"VUID-vkCmdCopyMicromapEXT-buffer-07530", Report, "dst", unboundTarget},
+    {"VUID-vkCmdCopyMicromapEXT-buffer-07529", Reject, "src", unboundSource},
+    {"VUID-vkCmdCopyMicromapEXT-buffer-07530", Reject, "dst", unboundTarget},
 };
 constexpr Rule<Copied> kExtHostCopy[] = {
     {"VUID-vkCopyMicromapEXT-micromapHostCommands-07560", Reject, nullptr,
@@ -70,8 +70,8 @@ constexpr Rule<Copied> kKhrCopy[] = {
      [](const Copied &c) { return isUnknown(c.facts.source, kUnknown); }},
     {"VUID-VkCopyAccelerationStructureInfoKHR-dst-parameter", Reject, "dst",
      [](const Copied &c) { return isUnknown(c.facts.target, kUnknown); }},
-    {"VUID-VkCopyAccelerationStructureInfoKHR-buffer-03718", Report, "src", unboundSource},
-    {"VUID-VkCopyAccelerationStructureInfoKHR-buffer-03719", Report, "dst", unboundTarget},
+    {"VUID-VkCopyAccelerationStructureInfoKHR-buffer-03718", Reject, "src", unboundSource},
+    {"VUID-VkCopyAccelerationStructureInfoKHR-buffer-03719", Reject, "dst", unboundTarget},
     {"VUID-VkCopyAccelerationStructureInfoKHR-dst-07791", Reject, "dst",
      [](const Copied &c) { return when(c.facts.sameMemory, "it overlaps src in memory"); }},
     {"VUID-VkCopyAccelerationStructureInfoKHR-mode-03410", Tolerate, "mode", wrongMode},
@@ -141,7 +141,7 @@ constexpr Rule<Serialized> kExtSave[] = {
 constexpr Rule<Serialized> kExtDeviceSave[] = {
     {kExtSavedDataId, Reject, "dst", noData},
     {"VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537", Depends, "dst", misalignedBy256},
-    {"VUID-vkCmdCopyMicromapToMemoryEXT-buffer-07539", Report, "src", unboundObject},
+    {"VUID-vkCmdCopyMicromapToMemoryEXT-buffer-07539", Reject, "src", unboundObject},
 };
 constexpr Rule<Serialized> kExtHostSave[] = {
     {"VUID-vkCopyMicromapToMemoryEXT-micromapHostCommands-07571", Reject, nullptr, noHostCommands},
@@ -163,7 +163,7 @@ constexpr Rule<Serialized> kExtRestore[] = {
 constexpr Rule<Serialized> kExtDeviceRestore[] = {
     {kExtRestoredDataId, Reject, "src", noData},
     {"VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544", Depends, "src", misalignedBy256},
-    {"VUID-vkCmdCopyMemoryToMicromapEXT-buffer-07546", Report, "dst", unboundObject},
+    {"VUID-vkCmdCopyMemoryToMicromapEXT-buffer-07546", Reject, "dst", unboundObject},
 };
 constexpr Rule<Serialized> kExtHostRestore[] = {
     {"VUID-vkCopyMemoryToMicromapEXT-micromapHostCommands-07566", Reject, nullptr, noHostCommands},
@@ -175,7 +175,7 @@ constexpr Rule<Serialized> kKhrSave[] = {
     {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-parameter", Reject, "src", unknownObject},
     {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412", Tolerate, "mode",
      [](const Serialized &c) { return when(!c.copy.rightMode, "it is not SERIALIZE"); }},
-    {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-11714", Report, "src", unboundObject},
+    {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-11714", Reject, "src", unboundObject},
     {kKhrSavedDataId, Reject, "dst", noData},
     {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11699", Depends, "dst",
      [](const Serialized &c) { return c.object.holdsMicromap() ? misaligned(c, 128) : Found{}; }},
@@ -186,7 +186,7 @@ constexpr Rule<Serialized> kKhrRestore[] = {
     {"VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-parameter", Reject, "dst", unknownObject},
     {"VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413", Tolerate, "mode",
      [](const Serialized &c) { return when(!c.copy.rightMode, "it is not DESERIALIZE"); }},
-    {"VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11717", Report, "dst", unboundObject},
+    {"VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11717", Reject, "dst", unboundObject},
     {kKhrRestoredDataId, Reject, "src", noData},
     // The specification names 11700, a rule of this command, after the other one.
     {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700", Depends, "src",

@@ -15,6 +15,8 @@ inline constexpr const char *kCompatible = "VUID-VkCopyMemoryToAccelerationStruc
 inline constexpr const char *kDamaged = "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960";
 // The specification has this rule in its text alone: VkAccelerationStructureTrianglesOpacityMicromapEXT.
 inline constexpr const char *kAttachedCounts = "VELLUM-attachment-usage-counts";
+inline constexpr const char *kReference = "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12281";
+inline constexpr const char *kIndirectReference = "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-12281";
 inline constexpr const char *kMicromapCompatible = "VUID-VkCopyMemoryToMicromapInfoEXT-src-07549";
 
 } // namespace vellum::layer::rules::ids

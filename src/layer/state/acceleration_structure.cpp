@@ -56,6 +56,10 @@ constexpr GpuError kGpuErrorTexts[kGpuErrors] = {
      "this version of the layer, or not all of it. It is empty now"},
     {"VELLUM-micromap-copy-overlap",
      "a micromap was to be copied to where it would overlap its source. The target is as it was"},
+    {rules::ids::kReference, "vkCmdBuildAccelerationStructuresKHR: an instance references no bottom-level structure; "
+                             "such instances are inactive"},
+    {rules::ids::kIndirectReference, "vkCmdBuildAccelerationStructuresIndirectKHR: an instance references no "
+                                     "bottom-level structure; such instances are inactive"},
 };
 
 // Makes the structure's address lead to the location's descriptor, with the location's mutex held. Naming one structure

@@ -30,6 +30,7 @@ uvec2 loadAddress(uvec2 at)
 
 struct Referenced {
     bool known;       // the structure exists
+    bool bottom;      // it may be a bottom-level structure
     bool built;
     bool broken;      // it must not be traced
     bool boxes;       // `opaqueBoxes` is valid
@@ -40,12 +41,13 @@ struct Referenced {
 
 Referenced findReferenced(uvec2 reference)
 {
-    Referenced found = Referenced(false, false, false, false, 0u, uvec2(0), 0u);
+    Referenced found = Referenced(false, false, false, false, false, 0u, uvec2(0), 0u);
     const uvec2 address = findDescriptor(push.root, reference);
     if ((address.x | address.y) == 0u)
         return found;
     const Descriptor descriptor = loadDescriptor(address);
     found.known = true;
+    found.bottom = descriptor.kind != kDescriptorMicromap && descriptor.kind != kDescriptorTop;
     found.built = descriptor.kind != kDescriptorUnbuilt && descriptor.kind != kDescriptorMicromap;
     found.broken = descriptor.kind == kDescriptorBroken;
     if (descriptor.kind == kDescriptorBottom) {
@@ -181,11 +183,14 @@ void main()
     const uint offsetAndFlags = source.w[kFlagsWord];
     const uvec2 reference = referenceOf(i, source, copied);
     const Referenced found = findReferenced(reference);
-    // The driver follows references when it builds. The application is responsible for those of its own builds; those of a
-    // copy may name structures that have been destroyed, or come from another process.
-    const bool dead = found.broken || (copying && !found.built);
-    if (dead && !found.built && any(notEqual(reference, uvec2(0))))
-        gpuError(push.root, found.known ? kGpuErrorUnbuiltReference : kGpuErrorUnknownReference);
+    // The driver follows references when it builds, so it gets none that lead nowhere. That a bottom-level structure is built
+    // first is the application's part; those of a copy may have been destroyed, or come from another process.
+    const bool named = any(notEqual(reference, uvec2(0)));
+    const bool nothing = named && (copying ? !found.built : !found.bottom);
+    const bool dead = found.broken || nothing;
+    if (nothing)
+        gpuError(push.root, copying ? found.known ? kGpuErrorUnbuiltReference : kGpuErrorUnknownReference
+                            : isIndirect() ? kGpuErrorNoBottomLevelIndirect : kGpuErrorNoBottomLevel);
 
     // The driver knows no micromap bits. FORCE_OPAQUE would make it commit hits that the micromap ignores.
     uint hidden = kInstanceForce2State | kInstanceDisableMicromaps;

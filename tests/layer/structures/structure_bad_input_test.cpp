@@ -353,6 +353,27 @@ TEST_F(BadCopies, HandlesThatNameNothing)
     EXPECT_EQ(seen(gpu(), *target, Patchwork::rays()), expected);
 }
 
+// The driver, which follows references when it builds, gets none that lead nowhere.
+TEST_F(BadCopies, InstancesThatReferenceNoBottomLevelStructure)
+{
+    const auto expected = seen(gpu(), Tlas(gpu(), {instance(*source_, {}, 1)}), Patchwork::rays());
+    const Buffer zeros(gpu(), 65536, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    const Tlas top(gpu(), {instance(*source_, {}, 1)});
+    auto destroyed = std::make_unique<Blas>(gpu(), patchwork_->geometries());
+    const VkDeviceAddress gone = destroyed->address();
+    destroyed.reset();
+    for (const VkDeviceAddress wrong : {VkDeviceAddress{0x1234567800}, ~VkDeviceAddress{255}, zeros.address(),
+                                        source_->address() + 256, top.address(), gone}) {
+        VkAccelerationStructureInstanceKHR other = instance(*source_, {20, 0, 0}, 2);
+        other.accelerationStructureReference = wrong;
+        const Tlas scene(gpu(), {instance(*source_, {}, 1), other});
+        expectFinding("vkCmdBuildAccelerationStructuresKHR-pInfos-12281");
+        EXPECT_EQ(seen(gpu(), scene, Patchwork::rays()), expected) << std::hex << wrong;
+        for (const std::string &one : seen(gpu(), scene, Patchwork::rays({20, 0, 0})))
+            EXPECT_EQ(one, "");
+    }
+}
+
 // A copy of a scene whose bottom-level structure is gone.
 TEST_F(BadCopies, DestroyedReferences)
 {

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "core/findings.h"
+#include "core/records.h"
 #include "layer/rules/ids.h"
 #include "layer/validation/gpu/gpu_checks.h"
 
@@ -139,8 +140,7 @@ BrokenRule instanceRule(const GpuChecks &gpu, const Finding &f)
     default: break;
     }
     if (what)
-        return {indirect ? "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-12281"
-                         : "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12281",
+        return {indirect ? rules::ids::kIndirectReference : rules::ids::kReference,
                 "the structure at accelerationStructureReference " + reference + what};
     const char *command = indirect ? "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10607"
                                    : "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10607";
@@ -181,6 +181,10 @@ void reportFinding(GpuChecks &gpu, const Finding &f)
         rule.text = triangle + rule.text;
     } else {
         rule = instanceRule(gpu, f);
+        if (rule.vuid == rules::ids::kReference)
+            gpu.pending.found(1u << kGpuErrorNoBottomLevel);
+        else if (rule.vuid == rules::ids::kIndirectReference)
+            gpu.pending.found(1u << kGpuErrorNoBottomLevelIndirect);
         rule.text = "instance " + number(f.element) + ": " + rule.text;
     }
     gpu.device.fault(placeOf(f), rule.vuid, rule.text, object);

@@ -315,13 +315,14 @@ void PendingChecks::report(DeviceModel &device)
     if (any_) {
         const std::lock_guard submissions(device.logs.submissions); // change what structures hold
         const std::lock_guard lock(mutex_);
-        std::erase_if(checks_, [this](const Check &check) { return check(found_); });
+        uint32_t found = 0;
+        std::erase_if(checks_, [&found](const Check &check) { return check(found); });
+        found_ |= found;
         any_ = !checks_.empty();
     }
     if (any_ || !device.reportGpuErrors)
         return;
-    const std::lock_guard lock(mutex_);
-    device.reportGpuErrors(std::exchange(found_, 0));
+    device.reportGpuErrors(found_.exchange(0));
 }
 
 std::shared_ptr<SerializedHeader> checkSerializedData(GpuChecks &gpu, const RuleCheck &check, VkDeviceAddress data,

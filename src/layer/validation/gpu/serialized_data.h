@@ -54,6 +54,8 @@ public:
     // emulation reports the same fault.
     using Check = std::function<bool(uint32_t &found)>;
     void add(Check check);
+    // A fault was reported by another check; bits as of `found`.
+    void found(uint32_t bits) { found_ |= bits; }
     // Evaluates the checks. When all are done, reports the errors of the emulation's shaders that no check has
     // reported.
     void report(DeviceModel &device);
@@ -62,7 +64,7 @@ private:
     std::atomic<bool> any_ = false; // read without the mutex
     std::mutex mutex_;
     std::vector<Check> checks_;
-    uint32_t found_ = 0; // one bit for each kGpuError* that checks have reported
+    std::atomic<uint32_t> found_ = 0; // one bit for each kGpuError* that checks have reported
 };
 
 // Checks data that is deserialized, before the command is recorded. Returns its header; null if it is not known.

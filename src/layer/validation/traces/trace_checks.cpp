@@ -393,8 +393,8 @@ CapturedInstances captureInstances(DeviceModel &device, VkCommandBuffer commandB
     const uint32_t count = range.primitiveCount;
     const VkDeviceAddress source = instances.data.deviceAddress + range.primitiveOffset;
     const VkDeviceSize bytes = input::instanceStride(instances);
-    if (count > device.buffers.addresses.elementsFrom(source, bytes, bytes))
-        return {}; // outside their buffer
+    if (!bufferAt(device, source) || count > device.buffers.addresses.elementsFrom(source, bytes, bytes))
+        return {}; // outside of buffers, which other rules are about
     auto memory = Capture::make(device.captureMemory, Capture::kCountWords + size_t{count} * 2, Capture::kCountWords);
     if (!memory)
         return {};
