@@ -212,6 +212,30 @@ void addObjects(std::vector<CommandCase> &cases)
                      })});
 }
 
+void addBuilds(std::vector<CommandCase> &cases)
+{
+    cases.push_back({"vkCmdBuildAccelerationStructuresKHR, 1 triangle", times([](Side side, Commands commands, Count) {
+                         auto geometry =
+                             vkInit<VkAccelerationStructureGeometryKHR>({.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR});
+                         geometry.geometry.triangles = vkInit<VkAccelerationStructureGeometryTrianglesDataKHR>(
+                             {.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT,
+                              .vertexData = {.deviceAddress = side.buffer.address},
+                              .vertexStride = 12,
+                              .maxVertex = 2,
+                              .indexType = VK_INDEX_TYPE_NONE_KHR});
+                         const auto info = vkInit<VkAccelerationStructureBuildGeometryInfoKHR>(
+                             {.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR,
+                              .mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
+                              .dstAccelerationStructure = side.structure,
+                              .geometryCount = 1,
+                              .pGeometries = &geometry,
+                              .scratchData = {.deviceAddress = side.other.address}});
+                         const VkAccelerationStructureBuildRangeInfoKHR range{.primitiveCount = 1};
+                         const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;
+                         side.vk.CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+                     })});
+}
+
 // Adds the commands of an engine's frame, about a thousand.
 void addFrame(std::vector<CommandCase> &cases)
 {
@@ -303,6 +327,7 @@ std::vector<CommandCase> commandCases()
     addSynchronization(cases);
     addCommandBuffers(cases);
     addObjects(cases);
+    addBuilds(cases);
     addAddressCommands(cases);
     addFrame(cases);
     addCreations(cases);
