@@ -8,6 +8,7 @@
 
 #include "base/statistics.h"
 #include "cli/render_command.h"
+#include "gpu/scene.h"
 #include "layer_comparison.h"
 #include "process_times.h"
 
@@ -36,9 +37,18 @@ render::RenderScene smallestScene()
     return render::prepareScene(std::move(scene), 1);
 }
 
+// A first build of a micromap: of one triangle, of level 4.
+void buildMicromap(gpu::Device &device, VkBuildMicromapFlagsEXT flags)
+{
+    gpu::MicromapInput input;
+    input.add(4, VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT, std::vector<uint8_t>(256, 1));
+    gpu::Micromap(device, std::move(input), flags).build();
+}
+
 struct Step {
     const char *name;
     std::function<void(gpu::Device &)> work;
+    bool usesMicromaps = false; // and without the layer does nothing
 };
 
 struct Api {
@@ -58,7 +68,10 @@ void run(const gpu::DeviceInfo &off, const gpu::DeviceInfo &on, unsigned repetit
     settings.width = settings.height = 8;
     std::vector<Step> steps = {
         {"the device alone", [](gpu::Device &) {}},
-        {"and a first build", [&](gpu::Device &device) { const render::World world(device, scene, {}); }},
+        {"and a first micromap build", [](gpu::Device &device) { buildMicromap(device, 0); }, true},
+        {"and a first micromap build with ALLOW_COMPACTION",
+         [](gpu::Device &device) { buildMicromap(device, VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT); }, true},
+        {"and a first build of a structure", [&](gpu::Device &device) { const render::World world(device, scene, {}); }},
         {"and a first pipeline with ray queries",
          [&](gpu::Device &device) { const render::Renderer renderer(device, scene, {}, settings); }},
     };
@@ -73,12 +86,13 @@ void run(const gpu::DeviceInfo &off, const gpu::DeviceInfo &on, unsigned repetit
                on.name, on.implementation, repetitions);
     for (const Step &step : steps) {
         for (const Api &api : kApis) {
-            if (api.api && !on.has(*api.api))
+            if (api.api ? !on.has(*api.api) : step.usesMicromaps)
                 continue;
             const auto measure = [&](const gpu::DeviceInfo &info, std::optional<gpu::Api> micromaps) {
                 return processorMilliseconds([&] {
                     gpu::Device device(info, micromaps);
-                    step.work(device);
+                    if (micromaps || !step.usesMicromaps)
+                        step.work(device);
                 });
             };
             PairedTiming times([&] { return measure(off, std::nullopt); }, [&] { return measure(on, api.api); });
