@@ -97,8 +97,9 @@ Triangle readTriangle(const MicromapBuildInput &input, uint32_t i)
     t.bits = format;
     t.valid = (format == 1 || format == 2) && t.level <= std::min(kMaxSubdivisionLevel, input.maxLevel) &&
               uint64_t{t.dataOffset} + t.bytes() <= std::min<uint64_t>(input.dataBytes, kUnknown);
+    // Without sharing, data is not looked at.
     if (t.valid)
-        t.mask = maskOf(t, input.data + t.dataOffset);
+        t.mask = input.share || t.level <= kCoarseLevel ? maskOf(t, input.data + t.dataOffset) : 0xaaaaaaaau;
     return t;
 }
 
@@ -129,9 +130,8 @@ bool staysInPlace(const MicromapBuildInput &input, const std::vector<Triangle> &
     for (const Triangle &t : triangles) {
         if (t.units() == 0)
             continue;
-        const uint64_t end = t.dataOffset / kDataUnitBytes + t.units();
-        // The smallest data can be either half of a unit.
-        if (t.dataOffset % std::min(t.bytes(), kDataUnitBytes) != 0 || end > input.capacityUnits)
+        const uint64_t end = (uint64_t{t.dataOffset} + t.bytes() + kDataUnitBytes - 1) / kDataUnitBytes;
+        if (end > input.capacityUnits)
             return false;
         last = std::max(last, end);
     }
@@ -171,14 +171,10 @@ void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out)
         Triangle &t = triangles[i];
         if (stays)
             next = t.dataOffset / kDataUnitBytes;
-        // On the device, the data is not even read then.
-        if (stays && t.level > kCoarseLevel)
-            t.mask = 0xaaaaaaaau;
         const bool fold = t.level > kCoarseLevel && describesAll(t.mask);
         if (input.share && t.units() > 0 && !fold)
             t.owner = owners.of(t, i);
-        // Without sharing a folded triangle's units stay, since their places are fixed before the data is looked at.
-        const uint64_t own = t.owner != i || (input.share && fold) ? 0 : t.units();
+        const uint64_t own = t.owner != i || fold ? 0 : t.units();
         const bool overflows =
             own > 0 && !stays && own > input.capacityUnits - std::min<uint64_t>(next, input.capacityUnits);
         if (!t.valid || overflows) {
@@ -192,21 +188,22 @@ void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out)
             writeRecord(out, i, readRecord(out, t.owner));
             continue;
         }
-        const uint32_t half = stays ? t.dataOffset % kDataUnitBytes : 0;
-        const uint32_t kind = t.kind() + (half != 0 ? kKindUpperHalf : 0);
-        if (own > 0) {
-            if (!stays)
-                std::memset(units + next * kDataUnitBytes, 0, own * kDataUnitBytes);
-            std::memcpy(units + next * kDataUnitBytes + half, input.data + t.dataOffset, t.bytes());
+        const uint32_t byte = stays ? t.dataOffset % kDataUnitBytes : 0;
+        if (stays) { // also what nothing refers to, as on the device, so that data without gaps has the same bytes
+            const uint64_t end = last * kDataUnitBytes;
+            std::memcpy(units + std::min<uint64_t>(t.dataOffset, end), input.data + t.dataOffset,
+                        std::min<uint64_t>(t.bytes(), end - std::min<uint64_t>(t.dataOffset, end)));
+        } else if (own > 0) {
+            std::memset(units + next * kDataUnitBytes, 0, own * kDataUnitBytes);
+            std::memcpy(units + next * kDataUnitBytes, input.data + t.dataOffset, t.bytes());
         }
-        const bool near = next <= kMaxNearUnit;
-        const bool parts = own > kPartUnits;
-        if (t.units() == 0 || (fold && (near || input.share || !parts)))
+        const auto unit = static_cast<uint32_t>(next);
+        if (own == 0)
             writeRecord(out, i, {kKindInline, t.mask});
-        else if (near)
-            writeRecord(out, i, {(kKindData + kind) | static_cast<uint32_t>(next) << kUnitShift, t.mask});
+        else if (byte == 0 && next <= kMaxNearUnit)
+            writeRecord(out, i, {(kKindData + t.kind()) | unit << kUnitShift, t.mask});
         else
-            writeRecord(out, i, {kKindFar | kind << kUnitShift, static_cast<uint32_t>(next)});
+            writeRecord(out, i, {kKindFar | t.kind() << kUnitShift | byte << kFarByteShift, unit});
         next += own;
     }
     if (stays)
@@ -241,11 +238,11 @@ void distrustMicromapRecords(uint8_t *memory)
         if (kind == kKindInline)
             continue;
         const bool far = kind == kKindFar;
-        const uint32_t n = far ? record.word0 >> kUnitShift : kind - kKindData;
+        const uint32_t n = far ? record.word0 >> kUnitShift & kKindMask : kind - kKindData;
         const uint32_t unit = far ? record.word1 : record.word0 >> kUnitShift;
-        if (n <= 2 * (kMaxSubdivisionLevel - kCoarseLevel)) {
-            const uint32_t level = kCoarseLevel + 1 + (n == kKindUpperHalf ? 0 : n / 2);
-            const uint64_t bits = uint64_t{1 + (n & 1)} << (2 * level);
+        if (n < kDataKinds) {
+            const uint32_t before = far ? (record.word0 >> kFarByteShift & kFarByteMask) * 8 : 0;
+            const uint64_t bits = before + (uint64_t{1 + (n & 1)} << (2 * (kCoarseLevel + 1 + n / 2)));
             if (unit + (bits + 127) / 128 <= header[kMicromapHeaderUnits])
                 continue;
         }

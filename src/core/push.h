@@ -34,6 +34,8 @@ struct MicromapPush {
     uint alike;                  // level | format << 16, if all triangles have the same; 0: they do not
     uint lastOffset;             // the greatest data offset of such triangles in place
     uint trianglesPerInvocation; // of micromap_in_place.comp
+    uint pack;                   // kPack*, of micromap_pack.comp
+    uint copiersLog2;            // invocations for each block in its last pass
     uint unused;
 };
 

@@ -22,15 +22,18 @@ VELLUM_SHARED_BEGIN
 // word 0: kind in the low 5 bits, index of the first 16-byte data unit in the other 27
 // word 1: kindInline: the 16 states of subdivision level 2, two bits each, and there is no data
 //         kindData + n: for each sub-triangle of level 2: 0 transparent, 1 opaque, 2 look at the data
-//         kindFar: the index of the first data unit; bits 5..9 of word 0 hold the n of kindData
-// n = (level - 3) * 2 + (4-state ? 1 : 0), or kKindUpperHalf: level 3, 2-state, in the last 8 bytes of the data unit
+//         kindFar: the index of the first data unit, all of which is looked at; bits 5..9 of word 0 hold the n of
+//                  kindData, bits 10..13 the byte of the unit at which the data begins
+// n = (level - 3) * 2 + (4-state ? 1 : 0)
 VELLUM_CONST uint kTriangleRecordWords = 2u;
 VELLUM_CONST uint kKindInline = 0u;
 VELLUM_CONST uint kKindData = 1u;
-VELLUM_CONST uint kKindUpperHalf = 20u;
+VELLUM_CONST uint kDataKinds = 20u;
 VELLUM_CONST uint kKindFar = 31u;
 VELLUM_CONST uint kKindMask = 31u;
 VELLUM_CONST uint kUnitShift = 5u;
+VELLUM_CONST uint kFarByteShift = 10u;
+VELLUM_CONST uint kFarByteMask = 15u;
 VELLUM_CONST uint kMaxNearUnit = 0x07ffffffu;
 VELLUM_CONST uint kCoarseLevel = 2u;
 VELLUM_CONST uint kCoarseLook = 2u;
@@ -54,14 +57,14 @@ VELLUM_CONST uint kSerializedLayoutUuid = 4u;
 VELLUM_CONST uint kSerializedBytes = 8u;
 VELLUM_CONST uint kSerializedMicromapBytes = 10u;
 // Increment it with every change of the layout or meaning of micromap, triangle record or data.
-VELLUM_CONST uint kMicromapLayoutVersion = 2u;
+VELLUM_CONST uint kMicromapLayoutVersion = 3u;
 VELLUM_CONST uint kMicromapLayoutUuid0 = 0x6c6c6556u; // "Vell"
 VELLUM_CONST uint kMicromapLayoutUuid1 = 0x6d206d75u; // "um m"
 VELLUM_CONST uint kMicromapLayoutUuid2 = 0x6f726369u; // "icro"
 
 // --- scratch memory of a micromap build ---
-// 8 words of counters; VkDispatchIndirectCommands (kArguments*) of the passes after micromap_in_place.comp, initially
-// of 0 groups each, then those that it copies over them to start the passes; then tables of words:
+// 8 words of counters; VkDispatchIndirectCommands of the passes of micromap_pack.comp, three words for each kPack*,
+// initially of 0 groups, then those that micromap_in_place.comp copies over them to start the passes; tables of words:
 //   sums        one per kPlaceBlock triangles: units of the block, then of all blocks before it
 //   parts       two words each, {triangle, part}: parts of triangles with more than kPartUnits units
 // and for builds that share identical data:
@@ -70,19 +73,12 @@ VELLUM_CONST uint kMicromapLayoutUuid2 = 0x6f726369u; // "icro"
 //   table       open addressing: 1 + the lowest triangle of those with the same data; 0: empty
 VELLUM_CONST uint kScratchCounterWords = 8u;
 VELLUM_CONST uint kScratchArguments = 8u;
-VELLUM_CONST uint kArgumentWords = 12u;
-VELLUM_CONST uint kArgumentsCheck = 0u;
-VELLUM_CONST uint kArgumentsBlocks = 3u;
-VELLUM_CONST uint kArgumentsScan = 6u;
-VELLUM_CONST uint kArgumentsParts = 9u;
+VELLUM_CONST uint kArgumentWords = 9u;
 VELLUM_CONST uint kScratchTables = 32u; // words before the tables
 VELLUM_CONST uint kScratchPartCount = 0u;
-VELLUM_CONST uint kScratchElsewhere = 1u; // not 0: some triangle's data cannot be used in place
-VELLUM_CONST uint kScratchLastUnit = 2u;  // end of the data that is used in place
 VELLUM_CONST uint kScratchStaged = 3u;    // data units that are allocated to triangles of lossy builds
 VELLUM_CONST uint kScratchPartsFull = 4u; // not 0: large triangles have more parts than the list's capacity
 VELLUM_CONST uint kPlaceBlock = 256u;
-VELLUM_CONST uint kCheckedPerInvocation = 16u;
 VELLUM_CONST uint kPartUnits = 64u;
 VELLUM_CONST uint kNoSlot = 0xffffffffu;
 VELLUM_CONST uint kMaxProbes = 64u;
@@ -92,10 +88,14 @@ VELLUM_CONST uint kMaxComparedUnits = 16384u;
 // --- flags of a micromap build's push constants: VkBuildMicromapFlagsEXT, and ---
 VELLUM_CONST uint kBuildFlagsMask = 0xffffu;
 VELLUM_CONST uint kBuildMaxLevelShift = 16u; // 4 bits: the highest level of the usage counts
-// The data was copied as it is, up to the micromap's capacity. Triangles use it in place if all can.
-VELLUM_CONST uint kBuildVerbatim = 0x20000000u;
 VELLUM_CONST uint kBuildShare = 0x40000000u;
 VELLUM_CONST uint kBuildAnalysing = 0x80000000u;
+
+// --- passes of micromap_pack.comp
+VELLUM_CONST uint kPackSums = 0u;   // units of each block
+VELLUM_CONST uint kPackScan = 1u;   // units of all blocks before each, and the micromap's header
+VELLUM_CONST uint kPackCopies = 2u; // records and data
+VELLUM_CONST uint kPackPasses = 3u;
 
 // --- lossy builds (core/lossy.h); the coarsened micromap follows the other tables (micromaps/micromap_lossy.glsl) ---
 // A micro-triangle that becomes unknown must save the states of 2^kLossyPriceLog2.

@@ -63,17 +63,19 @@ uint32_t wordAt(std::span<const uint8_t> bytes, uint64_t at)
     return word;
 }
 
-struct DataKind {
+struct Data {
     uint32_t level;
-    uint32_t bits;      // per state
-    uint32_t firstByte; // of the first data unit
+    uint32_t bits;  // per state
+    uint64_t begin; // byte, from the first data unit
 };
 
-// Two kinds a level from 3 on; one more for the smallest data, in the upper half of its unit.
-DataKind dataKindOf(uint32_t n)
+// Of a record with data. Two kinds a level from 3 on.
+Data dataOf(uint32_t word0, uint32_t word1)
 {
-    FUZZ_CHECK(n <= 20);
-    return n == 20 ? DataKind{3, 1, 8} : DataKind{3 + n / 2, 1 + n % 2, 0};
+    const bool far = (word0 & 31) == 31;
+    const uint32_t n = far ? word0 >> 5 & 31 : (word0 & 31) - 1;
+    FUZZ_CHECK(n < 20);
+    return {3 + n / 2, 1 + n % 2, far ? uint64_t{word1} * 16 + (word0 >> 10 & 15) : uint64_t{word0 >> 5} * 16};
 }
 
 uint64_t unitsBegin(std::span<const uint8_t> micromap)
@@ -111,8 +113,7 @@ std::vector<Expected> expectedOf(const BuildModel &model)
         expected[i].invalid = !isValid(model, i);
         const SourceTriangle &t = model.triangles[i];
         if (!expected[i].invalid && dataUnits(t) > 0)
-            stays &= t.dataOffset % std::min<uint64_t>(dataBytes(t), 16) == 0 &&
-                     t.dataOffset / 16 + dataUnits(t) <= model.capacityUnits;
+            stays &= t.dataOffset + dataBytes(t) <= uint64_t{model.capacityUnits} * 16;
     }
     // Large data is the same only where it is the same bytes in the same place.
     std::map<std::tuple<uint32_t, uint32_t, std::string_view, uint32_t>, uint32_t> owners;
@@ -162,11 +163,10 @@ uint32_t builtState(std::span<const uint8_t> micromap, uint32_t triangle, uint32
             return coarse;
         FUZZ_CHECK(coarse == 2);
     }
-    const DataKind data = dataKindOf(far ? word0 >> 5 & 31 : kind - 1);
+    const Data data = dataOf(word0, word1);
     FUZZ_CHECK(level == data.level);
     const uint64_t bits = data.bits;
-    const uint64_t unit = far ? word1 : word0 >> 5;
-    const uint64_t byte = unit * 16 + data.firstByte + index * bits / 8;
+    const uint64_t byte = data.begin + index * bits / 8;
     FUZZ_CHECK(byte / 16 < wordAt(micromap, kMicromapHeaderUnits * 4));
     const uint64_t at = unitsBegin(micromap) + byte;
     FUZZ_CHECK(at < micromap.size());
@@ -211,11 +211,10 @@ void checkStaysInside(std::span<const uint8_t> micromap)
         const uint32_t kind = word0 & 31;
         if (kind == 0)
             continue;
-        const DataKind data = dataKindOf(kind == 31 ? word0 >> 5 & 31 : kind - 1);
-        const uint64_t units = (uint64_t{stateCount(data.level)} * data.bits + 127) / 128;
-        const uint64_t first = kind == 31 ? wordAt(micromap, 64 + uint64_t{i} * 8 + 4) : word0 >> 5;
-        FUZZ_CHECK(first + units <= wordAt(micromap, kMicromapHeaderUnits * 4));
-        FUZZ_CHECK(unitsBegin(micromap) + (first + units) * 16 <= micromap.size());
+        const Data data = dataOf(word0, wordAt(micromap, 64 + uint64_t{i} * 8 + 4));
+        const uint64_t end = data.begin + (uint64_t{stateCount(data.level)} * data.bits + 7) / 8;
+        FUZZ_CHECK(end <= uint64_t{wordAt(micromap, kMicromapHeaderUnits * 4)} * 16);
+        FUZZ_CHECK(unitsBegin(micromap) + end <= micromap.size());
     }
 }
 

@@ -56,6 +56,7 @@ MicromapPush pushOf(const DeviceMicromaps &device, const MicromapBuild &build)
     push.readable =
         device.buffers.addresses.elementsFrom(push.triangleArray, sizeof(VkMicromapTriangleEXT), build.triangleStride);
     push.alike = alikeOf(build);
+    push.copiersLog2 = device.driver.threads == 0 ? 6 : 2; // a GPU has threads to spare
     push.dataBytes =
         static_cast<uint32_t>(std::min<VkDeviceSize>(device.buffers.addresses.bytesFrom(push.data), UINT32_MAX));
     return push;
@@ -81,19 +82,16 @@ MicromapPush coarsenedOf(MicromapPush push, const MicromapExtent &extent)
     return push;
 }
 
-// The copy of the input data, up to the micromap's capacity, to the micromap's data units. Null buffers if the build
-// shares data, or the driver does not allow the copy.
+// The copy of the input data, up to the micromap's capacity, to the micromap's data units. A null buffer if the driver does
+// not allow the copy.
 struct DataCopy {
     VkBuffer from = VK_NULL_HANDLE;
-    VkBuffer to = VK_NULL_HANDLE;
     VkBufferCopy region{};
 };
 
 DataCopy dataCopyOf(const DeviceMicromaps &device, VkCommandBuffer commandBuffer, const MicromapBuild &build)
 {
     const MicromapExtent &extent = build.extent;
-    if (extent.share || extent.lossy || extent.units == 0)
-        return {};
     const VkDeviceAddress from = build.data.deviceAddress;
     const AddressMap::Location source = device.buffers.addresses.find(from, VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
     if (!source.buffer)
@@ -106,33 +104,34 @@ DataCopy dataCopyOf(const DeviceMicromaps &device, VkCommandBuffer commandBuffer
     if (from < to + bytes && to < from + bytes)
         return {};
     device.commands.states.keep(commandBuffer, source.owner);
-    return {source.buffer, build.target.buffer, {source.offset, build.target.offset + begin, bytes}};
+    return {source.buffer, {source.offset, build.target.offset + begin, bytes}};
 }
 
 // One build of a command.
 struct OneBuild {
     MicromapPush push{};
     DataCopy copy;
-    // If the data may be used in place, one pass checks that and writes all records. The other passes are dispatched
-    // indirectly, with arguments in the scratch memory, so that they cost little unless that pass starts them.
+    // If the data may be used in place, one pass checks that and writes all records. Those of micromap_pack.comp are
+    // dispatched indirectly, with arguments in the scratch memory, so that they cost little unless that pass starts them.
     bool inPlace = false;
     VkBuffer scratch = VK_NULL_HANDLE;
     VkDeviceSize scratchOffset = 0;
-    VkDeviceSize micromapOffset = 0; // in copy.to
+    VkBuffer micromap = VK_NULL_HANDLE;
+    VkDeviceSize micromapOffset = 0;
 
     [[nodiscard]] bool shares() const { return (push.flags & kBuildShare) != 0; }
-    [[nodiscard]] bool verbatim() const { return (push.flags & kBuildVerbatim) != 0; }
     // Triangles of level 7 and above have more than kPartUnits units.
     [[nodiscard]] bool hasParts() const
     {
         return (push.flags >> kBuildMaxLevelShift & 15) >= 7 && push.partCapacity > 0;
     }
     [[nodiscard]] uint64_t triangles() const { return push.triangleCount; }
-    [[nodiscard]] uint64_t blocks() const { return blocksOf(triangles()) * 64; }
     [[nodiscard]] uint64_t parts() const { return hasParts() ? push.partCapacity : 0; }
-    [[nodiscard]] uint64_t checks() const
+    // Invocations of a pass of micromap_pack.comp.
+    [[nodiscard]] uint64_t packing(uint32_t pass) const
     {
-        return verbatim() ? (triangles() + kCheckedPerInvocation - 1) / kCheckedPerInvocation : 0;
+        const uint64_t blocks = blocksOf(triangles());
+        return pass == kPackSums ? blocks : pass == kPackScan ? 1 : blocks << push.copiersLog2;
     }
 };
 
@@ -148,18 +147,25 @@ uint32_t trianglesPerInvocation(const DeviceMicromaps &device, uint32_t triangle
     return std::max(triangles / invocations, 1u);
 }
 
-// Prepares the pass in place, if the build can use it: the layer must know the buffer of the scratch memory.
-void prepareInPlace(const DeviceMicromaps &device, VkCommandBuffer commandBuffer, OneBuild &build)
+// Prepares the pass in place, if the build can use it: the layer must know the buffers of the data and of the scratch memory.
+void prepareInPlace(const DeviceMicromaps &device, VkCommandBuffer commandBuffer, const MicromapBuild &given,
+                    OneBuild &build)
 {
     MicromapPush &push = build.push;
+    if (given.extent.share || given.extent.lossy || push.triangleCount == 0 || push.triangleCount > kMostInPlace)
+        return;
     const AddressMap::Location location = device.buffers.addresses.covering(
         push.scratch, kScratchTables * 4, VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT);
-    if (!build.verbatim() || !location.buffer || location.offset % 4 != 0 || push.triangleCount > kMostInPlace)
+    if (!location.buffer || location.offset % 4 != 0)
         return;
+    if (given.extent.units > 0) {
+        build.copy = dataCopyOf(device, commandBuffer, given);
+        if (!build.copy.from)
+            return;
+    }
     device.commands.states.keep(commandBuffer, location.owner);
     const uint64_t bytes = packedBytes(push.alike & 0xffff, static_cast<Format>(push.alike >> 16));
-    const uint64_t near = (uint64_t{kMaxNearUnit} + 1) * kDataUnitBytes;
-    const uint64_t end = std::min({near, uint64_t{push.capacityUnits} * kDataUnitBytes, uint64_t{push.dataBytes}});
+    const uint64_t end = std::min(uint64_t{push.capacityUnits} * kDataUnitBytes, uint64_t{push.dataBytes});
     if (push.readable < push.triangleCount || push.triangleArrayStride != sizeof(VkMicromapTriangleEXT) ||
         push.triangleArray % sizeof(VkMicromapTriangleEXT) != 0 || end < bytes)
         push.alike = 0;
@@ -182,16 +188,14 @@ public:
     void add(const MicromapBuild &given)
     {
         OneBuild build;
+        build.micromap = given.target.buffer;
         build.micromapOffset = given.target.offset;
-        build.copy = dataCopyOf(device_, commandBuffer_, given);
         build.push = pushOf(device_, given);
-        if (build.copy.from)
-            build.push.flags |= kBuildVerbatim;
         if (given.extent.lossy) {
             lossy_.emplace_back().push = coarseningOf(build.push, given.extent);
             build.push = coarsenedOf(build.push, given.extent);
         }
-        prepareInPlace(device_, commandBuffer_, build);
+        prepareInPlace(device_, commandBuffer_, given, build);
         builds_.push_back(build);
     }
 
@@ -209,8 +213,6 @@ private:
     // Records all passes; or, if not recording_, prepares their pipelines.
     void passes()
     {
-        const bool share = any([](const OneBuild &build) { return build.shares(); });
-        const bool parts = any([](const OneBuild &build) { return build.hasParts(); });
         barrier();
         if (!lossy_.empty())
             coarsen();
@@ -218,25 +220,13 @@ private:
             if (recording_)
                 prepare(build);
         }
-        stage(InjectedShader::MicromapClear, [](const OneBuild &build) {
-            const uint64_t words = std::max<uint64_t>(build.push.tableMask + uint64_t{1}, kScratchCounterWords);
-            return build.inPlace || build.triangles() == 0 ? 0 : words;
-        });
-        if (share)
-            analyse(parts);
+        if (any([](const OneBuild &build) { return build.shares(); }))
+            share();
         stage(InjectedShader::MicromapInPlace, [](const OneBuild &build) {
             return build.inPlace ? (build.triangles() - 1) / build.push.trianglesPerInvocation + 1 : 0;
         });
-        conditionalStage(InjectedShader::MicromapCheck, kArgumentsCheck);
-        conditionalStage(InjectedShader::MicromapSums, kArgumentsBlocks);
-        conditionalStage(InjectedShader::MicromapScan, kArgumentsScan);
-        conditionalStage(InjectedShader::MicromapPlace, kArgumentsBlocks);
-        if (parts) {
-            conditionalStage(InjectedShader::MicromapParts, kArgumentsParts);
-            conditionalStage(InjectedShader::MicromapFold, kArgumentsParts);
-        }
-        if (share)
-            stage(InjectedShader::MicromapOwners, sharedTriangles);
+        for (const uint32_t pass : {kPackSums, kPackScan, kPackCopies})
+            pack(pass);
     }
 
     void barrier()
@@ -246,29 +236,20 @@ private:
     }
 
     static uint64_t sharedTriangles(const OneBuild &build) { return build.shares() ? build.triangles() : 0; }
-
-    // Workgroups of the stages whose dispatch has these arguments.
-    static VkDispatchIndirectCommand groupsOf(const OneBuild &build, uint32_t arguments)
-    {
-        switch (arguments) {
-        case kArgumentsCheck: return InjectedWork::groupsOf(build.checks(), 64);
-        case kArgumentsBlocks: return InjectedWork::groupsOf(build.blocks(), 64);
-        case kArgumentsScan: return InjectedWork::groupsOf(1, 1);
-        default: return InjectedWork::groupsOf(build.parts(), 64);
-        }
-    }
+    static uint64_t sharedBlocks(const OneBuild &build) { return blocksOf(sharedTriangles(build)) * 64; }
+    static uint64_t sharedParts(const OneBuild &build) { return build.shares() ? build.parts() : 0; }
 
     void prepare(const OneBuild &build)
     {
         const DeviceTable &next = device_.driver.next;
         if (build.copy.from)
-            next.CmdCopyBuffer(commandBuffer_, build.copy.from, build.copy.to, 1, &build.copy.region);
+            next.CmdCopyBuffer(commandBuffer_, build.copy.from, build.micromap, 1, &build.copy.region);
         if (!build.inPlace)
             return;
         uint32_t scratch[kScratchTables] = {};
-        for (uint32_t i = 0; i < kArgumentWords; i += 3) {
-            const VkDispatchIndirectCommand groups = groupsOf(build, i);
-            std::memcpy(scratch + kScratchArguments + kArgumentWords + i, &groups, sizeof groups);
+        for (uint32_t pass = 0; pass < kPackPasses; ++pass) {
+            const VkDispatchIndirectCommand groups = InjectedWork::groupsOf(build.packing(pass), 64);
+            std::memcpy(scratch + kScratchArguments + kArgumentWords + pass * 3, &groups, sizeof groups);
         }
         next.CmdUpdateBuffer(commandBuffer_, build.scratch, build.scratchOffset, sizeof scratch, scratch);
         uint32_t header[kMicromapHeaderWords] = {};
@@ -276,10 +257,10 @@ private:
         header[kMicromapHeaderTriangles] = build.push.triangleCount;
         header[kMicromapHeaderFlags] = build.push.flags & kBuildFlagsMask;
         const VkDeviceSize begin = build.micromapOffset;
-        next.CmdUpdateBuffer(commandBuffer_, build.copy.to, begin, sizeof header, header);
+        next.CmdUpdateBuffer(commandBuffer_, build.micromap, begin, sizeof header, header);
         if (build.triangles() % 2 != 0) {
             const uint32_t padding[kTriangleRecordWords] = {};
-            next.CmdUpdateBuffer(commandBuffer_, build.copy.to,
+            next.CmdUpdateBuffer(commandBuffer_, build.micromap,
                                  begin + sizeof header + build.triangles() * sizeof padding, sizeof padding, padding);
         }
     }
@@ -301,14 +282,24 @@ private:
         builds_.swap(lossy_);
     }
 
-    void analyse(bool parts)
+    // The passes of builds that share identical data.
+    void share()
     {
+        const bool parts = any([](const OneBuild &build) { return sharedParts(build) > 0; });
+        stage(InjectedShader::MicromapClear, [](const OneBuild &build) {
+            const uint64_t words = std::max<uint64_t>(build.push.tableMask + uint64_t{1}, kScratchCounterWords);
+            return build.shares() ? words : 0;
+        });
         stage(InjectedShader::MicromapAnalyse, sharedTriangles, 64, kBuildAnalysing);
         if (parts)
-            stage(
-                InjectedShader::MicromapParts, [](const OneBuild &build) { return build.shares() ? build.parts() : 0; },
-                64, kBuildAnalysing);
+            stage(InjectedShader::MicromapParts, sharedParts, 64, kBuildAnalysing);
         stage(InjectedShader::MicromapShare, sharedTriangles);
+        stage(InjectedShader::MicromapSums, sharedBlocks);
+        stage(InjectedShader::MicromapScan, [](const OneBuild &build) { return uint64_t{build.shares()}; }, 1);
+        stage(InjectedShader::MicromapPlace, sharedBlocks);
+        if (parts)
+            stage(InjectedShader::MicromapParts, sharedParts);
+        stage(InjectedShader::MicromapOwners, sharedTriangles);
     }
 
     template <typename Predicate>
@@ -335,22 +326,25 @@ private:
         barrier();
     }
 
-    // The same for a stage that builds in place only need if some triangle cannot use its data in place.
-    void conditionalStage(InjectedShader shader, uint32_t arguments)
+    // A pass of micromap_pack.comp, which builds in place need only if some triangle cannot use its data in place.
+    void pack(uint32_t pass)
     {
+        constexpr InjectedShader kShader = InjectedShader::MicromapPack;
         bool some = false;
         for (const OneBuild &build : builds_) {
-            const VkDispatchIndirectCommand groups = groupsOf(build, arguments);
-            if (groups.x == 0 || (shader == InjectedShader::MicromapFold && build.shares()))
+            const uint64_t count = build.packing(pass);
+            if (build.shares() || count == 0)
                 continue;
             some = true;
+            MicromapPush push = build.push;
+            push.pack = pass;
             if (!recording_)
-                prepared_ = prepared_ && work_.prepare(shader);
+                prepared_ = prepared_ && work_.prepare(kShader);
             else if (build.inPlace)
-                work_.dispatchIndirect(shader, build.push, build.scratch,
-                                       build.scratchOffset + (kScratchArguments + arguments) * 4);
+                work_.dispatchIndirect(kShader, push, build.scratch,
+                                       build.scratchOffset + (kScratchArguments + pass * 3) * 4);
             else
-                work_.dispatch(shader, build.push, groups);
+                work_.dispatch(kShader, push, count, 64);
         }
         if (some)
             barrier();

@@ -65,26 +65,31 @@ bool MicromapExtent::countable() const
 MicromapExtent extentOf(const input::UsageCounts &usages, VkBuildMicromapFlagsEXT flags)
 {
     MicromapExtent extent;
+    uint64_t inlineBytes = 0;
     for (uint32_t i = 0; i < usages.size(); ++i) {
         const VkMicromapUsageEXT usage = knownUsage(usages[i]);
         if (usage.count == 0) // level and format may have any value
             continue;
         extent.triangles += usage.count;
         extent.maxLevel = std::max(extent.maxLevel, usage.subdivisionLevel);
+        const uint64_t bytes = packedBytes(usage.subdivisionLevel, static_cast<Format>(usage.format));
         // States of up to level 2 are kept in the triangle record itself.
-        if (usage.subdivisionLevel > kCoarseLevel) {
-            const uint64_t bytes = packedBytes(usage.subdivisionLevel, static_cast<Format>(usage.format));
+        if (usage.subdivisionLevel > kCoarseLevel)
             extent.units += usage.count * ((bytes + kDataUnitBytes - 1) / kDataUnitBytes);
-        }
+        else
+            inlineBytes += usage.count * bytes;
     }
-    // Sharing reads all data twice more, so that compaction has something to save. No frame was found that is faster
-    // with it (bench/results/lavapipe.md): PREFER_FAST_TRACE does not ask for it.
-    extent.share = (flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0 &&
-                   (flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0 && extent.triangles > 0 &&
-                   extent.triangles <= kMostSharing;
     // Without data there is nothing to save. Data offsets of triangles have 32 bits; a larger lossy build is built
     // without losses, which is allowed.
     extent.lossy = (flags & kLossyBuild) != 0 && extent.units > 0 && extent.coarsenedBytes() <= UINT32_MAX;
+    // Sharing reads all data twice more, so that compaction has something to save. No frame was found that is faster
+    // with it (bench/results/lavapipe.md): PREFER_FAST_TRACE does not ask for it. The size matters in lossy builds too.
+    const bool compacts = (flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0 &&
+                          (flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0;
+    extent.share = (compacts || extent.lossy) && extent.triangles > 0 && extent.triangles <= kMostSharing;
+    // Data that stays in its order may have that of inline triangles between.
+    if (!extent.share && !extent.lossy && extent.units > 0)
+        extent.units += (inlineBytes + kDataUnitBytes - 1) / kDataUnitBytes;
     return extent;
 }
 

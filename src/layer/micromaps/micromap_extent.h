@@ -15,7 +15,7 @@ namespace vellum::layer
 // In MicromapBuild::flags: the build is lossy. Only VK_KHR_opacity_micromap has the flag.
 inline constexpr VkBuildMicromapFlagsEXT kLossyBuild = 0x400;
 
-// Number of blocks of triangles, each of which one workgroup of micromap_place.comp processes.
+// Number of blocks of triangles.
 constexpr uint64_t blocksOf(uint64_t triangles)
 {
     return (triangles + shared::kPlaceBlock - 1) / shared::kPlaceBlock;

@@ -30,7 +30,7 @@ void main()
             if (!listParts(triangle, units))
                 Words(push.scratch).w[kScratchPartsFull] = 1u;
         } else {
-            const Walk walk = walkAll(s, false, uvec2(0u));
+            const Walk walk = walkUnits(s, 0u, units);
             word1 = walk.gathered;
             hash = walk.hash;
         }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Analysis of a triangle's data in a micromap build: the state of each sub-triangle of level 2, and a hash.
+// A triangle's data in a micromap build: its copy; its analysis, which is the state of each sub-triangle of level 2, and a hash.
 // Needs micromap_source.glsl.
 
 layout(buffer_reference, std430, buffer_reference_align = 16) buffer Quads { uvec4 at[]; };
@@ -72,6 +72,12 @@ uint coarseStates(Source s)
     return x;
 }
 
+// The record of a triangle without data units.
+uvec2 recordWithoutData(Source s)
+{
+    return s.valid ? uvec2(kKindInline, coarseStates(s)) : uvec2(kRejected, ~0u);
+}
+
 // A word's groups of subBits (4, 8 or 16) bits: which of them have a set bit, as every second bit.
 uint groupsWithBits(uint x, uint subBits)
 {
@@ -134,8 +140,8 @@ uint gatherUnit(uvec4 v, uvec4 w, uint i, uint subBits, uint bytes)
     return gathered;
 }
 
-// Reads units first .. last - 1 of a triangle; writes them to `target` (of the triangle's first unit) where `store`.
-Walk walkUnits(Source s, uint first, uint last, bool store, uvec2 target)
+// Reads units first .. last - 1 of a triangle.
+Walk walkUnits(Source s, uint first, uint last)
 {
     Walk walk;
     walk.gathered = 0u;
@@ -144,17 +150,12 @@ Walk walkUnits(Source s, uint first, uint last, bool store, uvec2 target)
     const uint subBits = s.bitsPerState << (2u * (s.level - kCoarseLevel));
     const uint bytes = min(sourceBytes(s.level, s.bitsPerState), 16u);
     const uvec2 source = addressPlus(push.data, s.dataOffset);
-    const bool hash = (push.flags & kBuildAnalysing) != 0u;
-    Quads to = Quads(target);
     if (subBits >= 128u && (source.x & 3u) == 0u) {
         // Fast path: most of the data of large micromaps.
         const uint subShift = findMSB(subBits) - 7u;
         for (uint i = first; i < last; ++i) {
             const uvec4 v = loadAlignedUnit(addressPlus(source, i * 16u), 16u);
-            if (store)
-                to.at[i] = v;
-            if (hash)
-                walk.hash += hashUnit(v, i);
+            walk.hash += hashUnit(v, i);
             const uvec4 w = v ^ opaque;
             const uint code = min(v.x | v.y | v.z | v.w, 1u) | min(w.x | w.y | w.z | w.w, 1u) << 1u;
             walk.gathered |= code << (2u * (i >> subShift));
@@ -163,10 +164,7 @@ Walk walkUnits(Source s, uint first, uint last, bool store, uvec2 target)
     }
     for (uint i = first; i < last; ++i) {
         const uvec4 v = loadUnit(addressPlus(source, i * 16u), bytes);
-        if (store)
-            to.at[i] = v;
-        if (hash)
-            walk.hash += hashUnit(v, i);
+        walk.hash += hashUnit(v, i);
         const uvec4 w = v ^ opaque;
         if (subBits >= 128u) {
             const uint code = min(v.x | v.y | v.z | v.w, 1u) | min(w.x | w.y | w.z | w.w, 1u) << 1u;
@@ -178,8 +176,12 @@ Walk walkUnits(Source s, uint first, uint last, bool store, uvec2 target)
     return walk;
 }
 
-// All units of a triangle that has at most kPartUnits.
-Walk walkAll(Source s, bool store, uvec2 target)
+// Copies every `step`-th of the units first .. last - 1 of a triangle to `target`, the address of its first unit.
+void copyUnits(Source s, uint first, uint last, uint step, uvec2 target)
 {
-    return walkUnits(s, 0u, unitsOf(s), store, target);
+    const uint bytes = min(sourceBytes(s.level, s.bitsPerState), 16u);
+    const uvec2 source = addressPlus(push.data, s.dataOffset);
+    Quads to = Quads(target);
+    for (uint i = first; i < last; i += step)
+        to.at[i] = loadUnit(addressPlus(source, i * 16u), bytes);
 }

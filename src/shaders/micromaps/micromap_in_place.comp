@@ -2,8 +2,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Micromap build in place: the data was copied as it is, and this pass writes the records of triangles that use it there.
-// For most micromaps nothing else is needed. A triangle that cannot use its data in place starts the other passes, which
-// write all records again.
+// For most micromaps nothing else is needed. A triangle whose data lies behind the micromap's capacity starts the passes of
+// micromap_pack.comp, which write everything again.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"
@@ -19,14 +19,19 @@ struct InPlace {
     uint end; // of the data in use, in data units
 };
 
-// Writes records of triangles that should all have the level and format push.alike. Several are loaded at once: a CPU driver
-// gathers and scatters, so that the processor cannot prefetch.
+// The data units in use if the data of a triangle, with at least one byte, is the last.
+uint unitsBehind(uint offset, uint bytes)
+{
+    return (offset + bytes - 1u) / kDataUnitBytes + 1u;
+}
+
+// Writes records of triangles that should all have the level and format push.alike; fails if one has not. Several are loaded
+// at once: a CPU driver gathers and scatters, so that the processor cannot prefetch.
 InPlace writeAlike(uint first, uint last)
 {
     const uint bitsPerState = push.alike >> 16u;
     const uint level = push.alike & 0xffffu;
-    const uint misaligned = alignmentInPlace(level, bitsPerState) - 1u;
-    const uint kind = kKindData + (level - kCoarseLevel - 1u) * 2u + (bitsPerState - 1u);
+    const uint kind = (level - kCoarseLevel - 1u) * 2u + (bitsPerState - 1u);
     Pairs source = Pairs(push.triangleArray);
     Pairs records = Pairs(addressPlus(push.micromap, kMicromapHeaderWords * 4u));
     uint wrong = 0u;
@@ -39,17 +44,15 @@ InPlace writeAlike(uint first, uint last)
         }
         for (uint i = 0u; i < kAtOnce; ++i) {
             const uint offset = triangles[i].x;
-            wrong |= (triangles[i].y ^ push.alike) | (offset & misaligned) | (uint(offset > push.lastOffset));
+            wrong |= (triangles[i].y ^ push.alike) | uint(offset > push.lastOffset);
             furthest = max(furthest, offset);
-            // Units have 16 bytes, so the offset is the index of the unit, shifted, except for one bit.
-            const uint word0 = (offset & ~15u) << (kUnitShift - 4u) | (kind + (offset >> 3u & 1u) * kKindUpperHalf);
             if (t + i * kTogether < last)
-                records.at[t + i * kTogether].words = Eight(uvec2(word0, kLookEverywhere));
+                records.at[t + i * kTogether].words = Eight(recordAt(kind, offset >> 4u, offset & 15u));
         }
     }
     InPlace result;
     result.fails = wrong != 0u;
-    result.end = first < last ? (furthest + sourceBytes(level, bitsPerState) + kDataUnitBytes - 1u) / kDataUnitBytes : 0u;
+    result.end = first < last ? unitsBehind(furthest, sourceBytes(level, bitsPerState)) : 0u;
     return result;
 }
 
@@ -60,14 +63,13 @@ InPlace writeMixed(uint first, uint last)
     result.end = 0u;
     for (uint t = first; t < last; t += kTogether) {
         const Source s = readSource(t);
-        const uint unit = s.dataOffset >> 4u;
-        const uint units = unitsOf(s);
-        uvec2 record = uvec2((kKindData + kindInPlace(s)) | unit << kUnitShift, kLookEverywhere);
-        if (units == 0u && s.valid)
-            record = uvec2(kKindInline, coarseStates(s));
-        else
-            result.end = max(result.end, unit + units);
-        result.fails = result.fails || !s.valid || unit > kMaxNearUnit || !fitsInPlace(s);
+        uvec2 record = recordWithoutData(s);
+        if (unitsOf(s) != 0u) {
+            record = recordAt(kindOf(s), s.dataOffset >> 4u, s.dataOffset & 15u);
+            const uint end = unitsBehind(s.dataOffset, sourceBytes(s.level, s.bitsPerState));
+            result.fails = result.fails || end > push.capacityUnits;
+            result.end = max(result.end, end);
+        }
         Words to = recordOf(t);
         to.w[0] = record.x;
         to.w[1] = record.y;
@@ -93,9 +95,10 @@ void main()
     const uint first = begin + gl_LocalInvocationIndex % kTogether;
     const uint last = min(begin + own, push.triangleCount);
     InPlace result;
+    result.fails = true;
     if (push.alike != 0u)
         result = writeAlike(first, last);
-    else
+    if (result.fails)
         result = writeMixed(first, last);
     if (result.fails)
         startOtherPasses();

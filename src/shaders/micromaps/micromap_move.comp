@@ -44,11 +44,11 @@ uvec2 trusted(uvec2 record, uint units)
     if (kind == kKindInline)
         return record;
     const bool far = kind == kKindFar;
-    const uint n = far ? record.x >> kUnitShift : kind - kKindData;
+    const uint n = far ? record.x >> kUnitShift & kKindMask : kind - kKindData;
     const uint unit = far ? record.y : record.x >> kUnitShift;
-    const uint level = kCoarseLevel + 1u + (n == kKindUpperHalf ? 0u : n >> 1u);
-    if (n <= 2u * (kMaxSubdivisionLevel - kCoarseLevel)) {
-        const uint bits = (1u + (n & 1u)) << (2u * level);
+    if (n < kDataKinds) {
+        const uint before = far ? (record.x >> kFarByteShift & kFarByteMask) * 8u : 0u;
+        const uint bits = before + (1u + (n & 1u) << 2u * (kCoarseLevel + 1u + (n >> 1u)));
         const uint needed = (bits + kDataUnitBytes * 8u - 1u) / (kDataUnitBytes * 8u);
         if (needed <= units && unit <= units - needed)
             return record;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build, one invocation for each part of the triangles on the list: analyses the part, or copies it to its data
-// units.
+// Micromap build that shares identical data, one invocation for each part of the triangles on the list: analyses the part, or
+// copies it to its data units.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"
@@ -20,17 +20,14 @@ void main()
     const uint word0 = record.w[0];
     if (!s.valid || word0 == kRejected)
         return;
-    const uint units = unitsOf(s);
-    const bool analysing = (push.flags & kBuildAnalysing) != 0u;
-    const bool far = (word0 & kKindMask) == kKindFar;
-    uvec2 target = uvec2(0u);
-    if (!analysing) {
-        const uint unit = far ? record.w[1] : word0 >> kUnitShift;
-        target = elementAddress(micromapUnits(push.micromap, push.triangleCount), unit, kDataUnitBytes);
+    const uint first = part * kPartUnits;
+    const uint last = min(first + kPartUnits, unitsOf(s));
+    if ((push.flags & kBuildAnalysing) == 0u) {
+        const uint unit = (word0 & kKindMask) == kKindFar ? record.w[1] : word0 >> kUnitShift;
+        copyUnits(s, first, last, 1u, elementAddress(micromapUnits(push.micromap, push.triangleCount), unit, kDataUnitBytes));
+        return;
     }
-    const Walk walk = walkUnits(s, part * kPartUnits, min((part + 1u) * kPartUnits, units), !analysing, target);
-    if (analysing)
-        atomicAdd(Words(hashesAddress()).w[triangle], walk.hash);
-    if (analysing || (!far && (push.flags & kBuildShare) == 0u))
-        atomicOr(record.w[1], walk.gathered);
+    const Walk walk = walkUnits(s, first, last);
+    atomicAdd(Words(hashesAddress()).w[triangle], walk.hash);
+    atomicOr(record.w[1], walk.gathered);
 }

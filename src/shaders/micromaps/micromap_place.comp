@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build, one workgroup for each block of kPlaceBlock triangles: assigns data units to every triangle, in the order
-// of the triangles, writes its record and copies its data; micromap_parts.comp copies that of triangles with many units.
+// Micromap build that shares identical data, one workgroup for each block of kPlaceBlock triangles: assigns data units to every
+// triangle, in their order, writes its record and copies its data; micromap_parts.comp copies that of triangles with many units.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"
@@ -13,48 +13,29 @@ shared uint sums[64];
 // Data units that the triangle does not share with a lower one.
 uint ownUnits(uint triangle, Source s)
 {
-    if ((push.flags & kBuildShare) != 0u &&
-        ((recordOf(triangle).w[0] & kKindMask) == kKindInline || ownerOf(triangle) != triangle))
-        return 0u;
-    return unitsOf(s);
+    return (recordOf(triangle).w[0] & kKindMask) == kKindInline || ownerOf(triangle) != triangle ? 0u : unitsOf(s);
 }
 
+// Inline records have been written, and micromap_owners.comp copies those of triangles that share.
 void writeRecord(uint triangle, Source s, uint units, uint unit)
 {
-    const bool share = (push.flags & kBuildShare) != 0u;
-    Words record = recordOf(triangle);
-    if (units == 0u) {
-        // With sharing, inline records have been written, and micromap_owners.comp copies those of triangles that share.
-        if (!share) {
-            record.w[0] = s.valid ? kKindInline : kRejected;
-            record.w[1] = s.valid ? coarseStates(s) : ~0u;
-        }
+    if (units == 0u)
         return;
-    }
+    Words record = recordOf(triangle);
     if (units > push.capacityUnits - min(unit, push.capacityUnits)) {
         record.w[0] = kRejected;
         record.w[1] = ~0u;
         return;
     }
-    uint mask = share ? record.w[1] : 0u;
-    bool fold = false;
-    const bool inPlace = verbatim();
-    if (inPlace) {
-        mask = kLookEverywhere; // its data need not be read
-    } else if (units > kPartUnits) {
-        listParts(triangle, units); // without sharing, micromap_parts.comp gathers the mask
-    } else {
-        const uvec2 target = elementAddress(micromapUnits(push.micromap, push.triangleCount), unit, kDataUnitBytes);
-        const Walk walk = walkAll(s, true, target);
-        if (!share) {
-            mask = coarseMask(walk.gathered);
-            fold = describesAll(mask);
-        }
-    }
+    if (units > kPartUnits)
+        listParts(triangle, units);
+    else
+        copyUnits(s, 0u, units, 1u, elementAddress(micromapUnits(push.micromap, push.triangleCount), unit, kDataUnitBytes));
     const bool near = unit <= kMaxNearUnit;
-    const uint kind = inPlace ? kindInPlace(s) : kindOf(s);
-    record.w[0] = fold ? kKindInline : near ? (kKindData + kind) | unit << kUnitShift : kKindFar | kind << kUnitShift;
-    record.w[1] = fold || near ? mask : unit;
+    const uint kind = kindOf(s);
+    record.w[0] = near ? (kKindData + kind) | unit << kUnitShift : kKindFar | kind << kUnitShift;
+    if (!near)
+        record.w[1] = unit;
 }
 
 void main()
@@ -64,13 +45,6 @@ void main()
     const uint run = kPlaceBlock / gl_WorkGroupSize.x;
     const uint first = block * kPlaceBlock + me * run;
     const uint last = min(first + run, push.triangleCount);
-    if (verbatim()) {
-        for (uint t = first; t < last; ++t) {
-            const Source s = readSource(t);
-            writeRecord(t, s, unitsOf(s), s.dataOffset >> 4u);
-        }
-        return;
-    }
     uint sum = 0u;
     for (uint t = first; t < last; ++t)
         sum += ownUnits(t, readSource(t));

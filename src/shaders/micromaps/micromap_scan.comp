@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build, one workgroup: turns the sums of the blocks into exclusive prefix sums, and writes the micromap's header.
-// Sums saturate beyond the capacity: data there is rejected, however far beyond it is.
+// Micromap build that shares identical data, one workgroup: turns the sums of the blocks into exclusive prefix sums, and writes
+// the micromap's header. Sums saturate beyond the capacity: data there is rejected, however far beyond it is.
 const uint kThreads = 128u; // the least maxComputeWorkGroupInvocations
 layout(local_size_x = kThreads) in;
 
@@ -13,7 +13,7 @@ shared uint sums[kThreads];
 void main()
 {
     const uint me = gl_LocalInvocationIndex;
-    const uint blocks = verbatim() ? 0u : (push.triangleCount + kPlaceBlock - 1u) / kPlaceBlock;
+    const uint blocks = (push.triangleCount + kPlaceBlock - 1u) / kPlaceBlock;
     const uint run = (blocks + kThreads - 1u) / kThreads;
     const uint first = min(me * run, blocks);
     const uint last = min(first + run, blocks);
@@ -38,20 +38,6 @@ void main()
     }
     if (me != kThreads - 1u)
         return;
-    const uint units = verbatim() ? Words(push.scratch).w[kScratchLastUnit] : min(sums[kThreads - 1u], push.capacityUnits);
-    Words header = Words(push.micromap);
-    header.w[kMicromapHeaderMagic] = kMicromapMagic;
-    header.w[kMicromapHeaderTriangles] = push.triangleCount;
-    header.w[kMicromapHeaderUnits] = units;
-    header.w[kMicromapHeaderFlags] = push.flags & kBuildFlagsMask;
-    for (uint i = kMicromapHeaderFlags + 1u; i < kMicromapHeaderWords; ++i)
-        header.w[i] = 0u;
-    // The record that pads their number to an even one.
-    if ((push.triangleCount & 1u) != 0u) {
-        Words padding = recordOf(push.triangleCount);
-        padding.w[0] = 0u;
-        padding.w[1] = 0u;
-    }
-    if (push.triangleCount > 0u) // without triangles there need not be scratch memory
-        Words(push.scratch).w[kScratchPartCount] = 0u;
+    writeHeader(min(sums[kThreads - 1u], push.capacityUnits));
+    Words(push.scratch).w[kScratchPartCount] = 0u;
 }

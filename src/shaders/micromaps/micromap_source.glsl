@@ -74,34 +74,33 @@ Words recordOf(uint triangle)
     return micromapRecord(push.micromap, triangle);
 }
 
-// The alignment of data in place: the data of level 3 of the 2-state format can be either half of a data unit.
-uint alignmentInPlace(uint level, uint bitsPerState)
-{
-    return level == kCoarseLevel + 1u && bitsPerState == 1u ? kDataUnitBytes / 2u : kDataUnitBytes;
-}
-
-// Returns whether a triangle can use its data in place.
-bool fitsInPlace(Source s)
-{
-    const uint units = unitsOf(s);
-    return units == 0u || ((s.dataOffset & (alignmentInPlace(s.level, s.bitsPerState) - 1u)) == 0u &&
-                           (s.dataOffset >> 4u) + units <= push.capacityUnits);
-}
-
-// kindOf() of data in place.
-uint kindInPlace(Source s)
-{
-    return kindOf(s) + ((s.dataOffset & 15u) != 0u ? kKindUpperHalf : 0u);
-}
-
-// Returns whether every triangle uses its data in place; known after micromap_check.comp.
-bool verbatim()
-{
-    return (push.flags & kBuildVerbatim) != 0u && Words(push.scratch).w[kScratchElsewhere] == 0u;
-}
-
 // The coarse mask by which lookup reads the data of every sub-triangle of level 2; the build need not read the data for it.
 const uint kLookEverywhere = 0xaaaaaaaau;
+
+// The record of data whose mask is not known, at a byte of the micromap's data.
+uvec2 recordAt(uint kind, uint unit, uint byte)
+{
+    const bool near = byte == 0u && unit <= kMaxNearUnit;
+    return near ? uvec2((kKindData + kind) | unit << kUnitShift, kLookEverywhere)
+                : uvec2(kKindFar | kind << kUnitShift | byte << kFarByteShift, unit);
+}
+
+// Writes the micromap's header, and the record that pads their number to an even one.
+void writeHeader(uint units)
+{
+    Words header = Words(push.micromap);
+    header.w[kMicromapHeaderMagic] = kMicromapMagic;
+    header.w[kMicromapHeaderTriangles] = push.triangleCount;
+    header.w[kMicromapHeaderUnits] = units;
+    header.w[kMicromapHeaderFlags] = push.flags & kBuildFlagsMask;
+    for (uint i = kMicromapHeaderFlags + 1u; i < kMicromapHeaderWords; ++i)
+        header.w[i] = 0u;
+    if ((push.triangleCount & 1u) != 0u) {
+        Words padding = recordOf(push.triangleCount);
+        padding.w[0] = 0u;
+        padding.w[1] = 0u;
+    }
+}
 
 // Tables of the scratch memory.
 uvec2 sumsAddress()
@@ -129,12 +128,10 @@ uvec2 tableAddress()
     return elementAddress(slotsAddress(), push.triangleCount, 4u);
 }
 
-// The triangle whose data a triangle uses: the lowest of those with the same data; itself, unless data is shared and the
-// tables are filled.
+// The triangle whose data a triangle uses where data is shared, once the tables are filled: the lowest of those with the same
+// data.
 uint ownerOf(uint triangle)
 {
-    if ((push.flags & kBuildShare) == 0u)
-        return triangle;
     const uint slot = Words(slotsAddress()).w[triangle];
     return slot == kNoSlot ? triangle : Words(tableAddress()).w[slot] - 1u;
 }

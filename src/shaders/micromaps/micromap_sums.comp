@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build: counts the data units of each block of kPlaceBlock triangles.
+// Micromap build that shares identical data: counts the data units of each block of kPlaceBlock triangles.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"
@@ -10,8 +10,6 @@ shared uint total;
 
 void main()
 {
-    if (verbatim())
-        return;
     const uint block = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
     if (gl_LocalInvocationIndex == 0u)
         total = 0u;
@@ -20,10 +18,8 @@ void main()
     const uint first = block * kPlaceBlock + gl_LocalInvocationIndex * run;
     uint sum = 0u; // at most kPlaceBlock * 2^18 in a block
     for (uint t = first; t < min(first + run, push.triangleCount); ++t) {
-        if ((push.flags & kBuildShare) != 0u) {
-            if ((recordOf(t).w[0] & kKindMask) == kKindInline || ownerOf(t) != t)
-                continue;
-        }
+        if ((recordOf(t).w[0] & kKindMask) == kKindInline || ownerOf(t) != t)
+            continue;
         sum += unitsOf(readSource(t));
     }
     atomicAdd(total, sum);

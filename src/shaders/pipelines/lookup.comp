@@ -96,11 +96,10 @@ uint vellumState(const in uvec2 geometries, const in uint triangle, const in uve
     // that skips the load, and the traversal does not end.
     if (far || (kind != kKindInline && coarse >= kCoarseLook)) {
         const uint n = far ? ((record.x >> kUnitShift) & kKindMask) + kKindData : kind;
-        const bool upperHalf = n == kKindUpperHalf + kKindData;
         const uint fourState = (n & 1u) ^ 1u;
         // In 4-state data one bit below the level remains, where the lower bit of the state is.
-        const uint digits = (index << 1u) >> (kKindFinest4 - (upperHalf ? kKindData : n));
-        const uint bit = (digits & ~fourState) + (upperHalf ? kDataUnitBytes * 4u : 0u);
+        const uint digits = (index << 1u) >> (kKindFinest4 - n);
+        const uint bit = (digits & ~fourState) + (far ? record.x >> (kFarByteShift - 3u) & kFarByteMask << 3u : 0u);
         const uint unit = (far ? record.y : record.x >> kUnitShift) + (bit >> 7u);
         const uint word = Word(vellumPlus(uvec2(units.x, units.y + (unit >> 28u)), (unit << 4u) | ((bit >> 3u) & 12u))).w;
         state = (word >> (bit & 31u)) & (1u + 2u * fourState);

@@ -51,7 +51,7 @@ std::vector<uint8_t> memoryOf(const MicromapInput &input, VkBuildMicromapFlagsEX
     build.data = data.data();
     build.dataBytes = data.size();
     build.buildFlags = flags;
-    build.share = (flags & kAllow) != 0;
+    build.share = true;
     build.maxLevel = 12;
     for (const VkMicromapTriangleEXT &t : input.triangles)
         if (t.subdivisionLevel > 2)

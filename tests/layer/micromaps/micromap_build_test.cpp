@@ -31,12 +31,18 @@ std::vector<uint8_t> modelOf(const Micromap &micromap, VkBuildMicromapFlagsEXT f
                   (flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0;
     if (!input.share)
         input.copiedAhead = in.data.size();
+    uint32_t inlineBytes = 0;
     for (const VkMicromapUsageEXT &u : in.usage()) {
         const uint32_t bytes = std::max(1u, (u.format == kTwoState ? 1u : 2u) << (2 * u.subdivisionLevel) >> 3);
         input.triangleCount += u.count;
-        input.capacityUnits += u.subdivisionLevel > 2 ? u.count * ((bytes + 15) / 16) : 0;
+        if (u.subdivisionLevel > 2)
+            input.capacityUnits += u.count * ((bytes + 15) / 16);
+        else
+            inlineBytes += u.count * bytes;
         input.maxLevel = std::max(input.maxLevel, u.subdivisionLevel);
     }
+    if (!input.share && input.capacityUnits > 0)
+        input.capacityUnits += (inlineBytes + 15) / 16;
     input.readable = static_cast<uint32_t>(in.triangles.size());
     std::vector<uint8_t> memory(vellum::micromapMemoryBytes(input.triangleCount, input.capacityUnits), 0xa5);
     vellum::writeMicromapMemory(input, memory.data());
@@ -148,6 +154,30 @@ TEST_F(MicromapBuild, UnalignedInput)
             Micromap micromap(gpu(), input, flags);
             expectModel(micromap, flags);
         }
+    }
+}
+
+// Data with gaps, which cannot stay: over the borders of blocks, and of every size.
+TEST_F(MicromapBuild, DataWithGaps)
+{
+    for (const int count : {3, 255, 257, 1000}) {
+        Random random(static_cast<uint32_t>(count));
+        MicromapInput input;
+        for (int i = 0; i < count; ++i) {
+            input.data.resize(input.data.size() + random() % 50, 0x77);
+            const uint32_t level = i % 100 == 0 ? 9 : random() % 7;
+            const uint16_t format = random() % 2 == 0 ? kTwoState : kFourState;
+            input.add(level, format, randomStates(random, level, format));
+        }
+        SCOPED_TRACE(testing::Message() << count << " triangles");
+        Micromap micromap(gpu(), input, 0);
+        expectModel(micromap, 0);
+        // One more than declared finds no memory.
+        input.declared = input.usage();
+        input.triangles[0].subdivisionLevel = 9;
+        input.triangles[1].subdivisionLevel = 9;
+        Micromap other(gpu(), input, 0);
+        expectModel(other, 0);
     }
 }
 

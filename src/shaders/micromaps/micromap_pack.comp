@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Micromap build whose data is neither shared nor used in place: three passes (push.pack) assign data units to every triangle,
+// in their order, write its record and copy its data. They read the data only to copy it. One shader, without barriers of a
+// workgroup, because drivers compile it for every first build, of which hardly any runs it.
+layout(local_size_x = 64) in;
+
+#include "micromap_source.glsl"
+#include "micromap_data.glsl"
+
+// Turns the units of the blocks into those before each block, and writes the micromap's header. Sums saturate beyond the
+// capacity: data there is rejected, however far beyond it is.
+void scan()
+{
+    Words sums = Words(sumsAddress());
+    uint sum = 0u;
+    for (uint b = 0u; b < (push.triangleCount + kPlaceBlock - 1u) / kPlaceBlock; ++b) {
+        const uint own = sums.w[b];
+        sums.w[b] = min(sum, push.capacityUnits);
+        sum = min(sum + own, push.capacityUnits + 1u);
+    }
+    writeHeader(min(sum, push.capacityUnits));
+}
+
+void main()
+{
+    const uint i = globalInvocation();
+    if (push.pack == kPackScan) {
+        if (i == 0u)
+            scan();
+        return;
+    }
+    // In the last pass, several invocations copy the units of a block in turns.
+    const bool copies = push.pack == kPackCopies;
+    const uint copiers = copies ? 1u << push.copiersLog2 : 1u;
+    const uint block = copies ? i >> push.copiersLog2 : i;
+    const uint me = i & (copiers - 1u);
+    const uint first = block * kPlaceBlock;
+    if (first >= push.triangleCount)
+        return;
+    Words sums = Words(sumsAddress());
+    uint unit = copies ? sums.w[block] : 0u;
+    for (uint t = first; t < min(first + kPlaceBlock, push.triangleCount); ++t) {
+        const Source s = readSource(t);
+        const uint units = unitsOf(s);
+        if (copies) {
+            const bool overflows = units > push.capacityUnits - min(unit, push.capacityUnits);
+            if ((t & (copiers - 1u)) == me) {
+                uvec2 record = recordAt(kindOf(s), unit, 0u);
+                if (units == 0u)
+                    record = recordWithoutData(s);
+                else if (overflows)
+                    record = uvec2(kRejected, ~0u);
+                Words to = recordOf(t);
+                to.w[0] = record.x;
+                to.w[1] = record.y;
+            }
+            if (!overflows)
+                copyUnits(s, (me - unit) & (copiers - 1u), units, copiers,
+                          elementAddress(micromapUnits(push.micromap, push.triangleCount), unit, kDataUnitBytes));
+        }
+        unit += units;
+    }
+    if (!copies)
+        sums.w[block] = unit; // at most kPlaceBlock * 2^18
+}
