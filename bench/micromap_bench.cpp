@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <functional>
 
 #include <CLI/CLI.hpp>
@@ -40,8 +41,8 @@ double seconds(const std::function<void()> &work)
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
-// As many triangles of a level as take about that many bytes; no two have the same data.
-Micromap inputOf(uint32_t level, Format format, size_t bytes)
+// As many triangles of a level as take about that many bytes; no two have the same data. `unaligned`: behind one of level 0.
+Micromap inputOf(uint32_t level, Format format, size_t bytes, bool unaligned)
 {
     Micromap micromap;
     const uint32_t each = packedBytes(level, format);
@@ -54,8 +55,13 @@ Micromap inputOf(uint32_t level, Format format, size_t bytes)
         state ^= state << 17;
         byte = static_cast<uint8_t>(state);
     }
+    if (unaligned) {
+        micromap.data.insert(micromap.data.begin(), 1);
+        micromap.triangles.push_back({0, 0, format});
+    }
     for (size_t i = 0; i < count; ++i)
-        micromap.triangles.push_back({static_cast<uint32_t>(i * each), static_cast<uint16_t>(level), format});
+        micromap.triangles.push_back(
+            {static_cast<uint32_t>(i * each + (unaligned ? 1 : 0)), static_cast<uint16_t>(level), format});
     return micromap;
 }
 
@@ -120,9 +126,10 @@ private:
     VkCommandBuffer commands_;
 };
 
-void measure(gpu::Device &device, uint32_t level, Format format, const Flags &flags, size_t bytes, unsigned repetitions)
+void measure(gpu::Device &device, uint32_t level, Format format, const Flags &flags, size_t bytes, bool unaligned,
+             unsigned repetitions)
 {
-    const Micromap input = inputOf(level, format, bytes);
+    const Micromap input = inputOf(level, format, bytes, unaligned);
     Build build(device, input, flags.bits);
     Copy copy(device, input);
     build.run();
@@ -154,12 +161,18 @@ int main(int argc, char **argv)
     std::vector<uint32_t> levels = {0, 2, 3, 4, 5, 6, 8, 10, 12};
     size_t megabytes = 64;
     unsigned repetitions = 7;
+    bool unaligned = false;
+    std::filesystem::path layerPath;
     app.add_option("--levels", levels, "subdivision levels");
     app.add_option("--megabytes", megabytes, "size of each micromap");
     app.add_option("--repetitions", repetitions, "builds of each kind");
+    app.add_flag("--unaligned", unaligned, "a triangle of level 0 comes first, and all data behind it, without padding");
+    app.add_option("--layer-path", layerPath, "folder of the layer's manifest");
     CLI11_PARSE(app, argc, argv);
     try {
-        if (const auto folder = gpu::findLayerFolder())
+        if (!layerPath.empty())
+            gpu::addLayerFolder(layerPath);
+        else if (const auto folder = gpu::findLayerFolder())
             gpu::addLayerFolder(*folder);
         const gpu::Instance instance(true);
         gpu::Device device(gpu::DeviceSelection().from(instance), gpu::Api::Ext);
@@ -168,7 +181,7 @@ int main(int argc, char **argv)
         for (const Flags &flags : kFlags)
             for (const Format format : {Format::TwoState, Format::FourState})
                 for (const uint32_t level : levels)
-                    measure(device, level, format, flags, megabytes * 1000 * 1000, repetitions);
+                    measure(device, level, format, flags, megabytes * 1000 * 1000, unaligned, repetitions);
     } catch (const std::exception &error) {
         fmt::print(stderr, "vellum-micromap-bench: {}\n", error.what());
         return 1;
