@@ -56,7 +56,7 @@ VELLUM_CONST uint kSerializedMicromapHeaderWords = 16u;
 VELLUM_CONST uint kSerializedLayoutUuid = 4u;
 VELLUM_CONST uint kSerializedBytes = 8u;
 VELLUM_CONST uint kSerializedMicromapBytes = 10u;
-// Increment it with every change of the layout or meaning of micromap, triangle record or data.
+// Increment it with every change of the layout or meaning of micromap, triangle record or data, and kBlockVersion with it.
 VELLUM_CONST uint kMicromapLayoutVersion = 3u;
 VELLUM_CONST uint kMicromapLayoutUuid0 = 0x6c6c6556u; // "Vell"
 VELLUM_CONST uint kMicromapLayoutUuid1 = 0x6d206d75u; // "um m"
@@ -66,8 +66,9 @@ VELLUM_CONST uint kMicromapLayoutUuid2 = 0x6f726369u; // "icro"
 // 8 words of counters; VkDispatchIndirectCommands of the passes of micromap_pack.comp, three words for each kPack*,
 // initially of 0 groups, then those that micromap_in_place.comp copies over them to start the passes; tables of words:
 //   sums        one per kPlaceBlock triangles: units of the block, then of all blocks before it
+// for builds that share identical data or are lossy:
 //   parts       two words each, {triangle, part}: parts of triangles with more than kPartUnits units
-// and for builds that share identical data:
+// and for builds that share:
 //   hashes      one per triangle
 //   slots       one per triangle: its slot of the table, or kNoSlot
 //   table       open addressing: 1 + the lowest triangle of those with the same data; 0: empty
@@ -91,7 +92,7 @@ VELLUM_CONST uint kBuildMaxLevelShift = 16u; // 4 bits: the highest level of the
 VELLUM_CONST uint kBuildShare = 0x40000000u;
 VELLUM_CONST uint kBuildAnalysing = 0x80000000u;
 
-// --- passes of micromap_pack.comp
+// --- passes of micromap_pack.comp ---
 VELLUM_CONST uint kPackSums = 0u;   // units of each block
 VELLUM_CONST uint kPackScan = 1u;   // units of all blocks before each, and the micromap's header
 VELLUM_CONST uint kPackCopies = 2u; // records and data
@@ -220,7 +221,7 @@ VELLUM_CONST uint kSerializedHeaderWords = 14u; // two UUIDs, total and deserial
 VELLUM_CONST uint kDataNamed = 0xffffffffu;
 VELLUM_CONST uint kMaxBlockAddresses = 0x01000000u;
 VELLUM_CONST uint kBlockMagic = 0x534d4f56u; // "VOMS"
-VELLUM_CONST uint kBlockVersion = 3u;
+VELLUM_CONST uint kBlockVersion = 4u;
 VELLUM_CONST uint kBlockUnits = 4u;
 // words of the block's header
 VELLUM_CONST uint kBlockHeaderMagic = 0u;
@@ -234,7 +235,7 @@ VELLUM_CONST uint kBlockHeaderChecksum = 7u;    // of the driver's data and the 
 VELLUM_CONST uint kBlockHeaderOpaqueBoxes = 8u; // word 7 of the descriptor
 // The compatibility UUID is the driver's, XORed with this word: the driver alone would use slots as custom indices, and
 // data of the driver alone has no block.
-VELLUM_CONST uint kCompatibilityWord = 0x564d4f03u; // changes with kBlockVersion
+VELLUM_CONST uint kCompatibilityWord = 0x564d4f04u; // changes with kBlockVersion
 // Sizes of structures modulo 256 state what they hold, in queries and in serialized data: this for a TLAS, 0 for a
 // BLAS. They cost no memory, since structures begin at multiples of 256. A structure of the size that any query has
 // reported for the source of serialized data is large enough, unless data of EXT micromaps is serialized with it: "dst

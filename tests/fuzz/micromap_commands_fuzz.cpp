@@ -108,6 +108,7 @@ void Commands::readTriangles()
 {
     uint64_t count = 0;
     uint64_t most = 0;
+    uint64_t inlineBytes = 0;
     for (const VkMicromapUsageEXT &usage : usages_) {
         if (usage.count == 0)
             continue;
@@ -116,11 +117,14 @@ void Commands::readTriangles()
                                  static_cast<uint16_t>(usage.format == 1 ? 1 : 2)};
         count += usage.count;
         model_.capacityUnits += static_cast<uint32_t>(usage.count * dataUnits(one));
+        inlineBytes += dataUnits(one) == 0 ? usage.count * dataBytes(one) : 0;
         model_.maxLevel = std::max(model_.maxLevel, usage.subdivisionLevel);
         most = std::max(most, dataBytes(one));
     }
     model_.share = (info_.flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0 &&
                    (info_.flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0;
+    if (!model_.share && model_.capacityUnits > 0)
+        model_.capacityUnits += static_cast<uint32_t>((inlineBytes + 15) / 16);
     most = std::max(most, dataBytes({0, kMostOtherLevel, 2}));
     const uint32_t places = 1 + input_.below(1u << 12);
     data_.resize(most + places);

@@ -176,17 +176,11 @@ VkResult bindBufferMemory(DeviceBuffers &device, VkDevice handle, VkBuffer buffe
     return result;
 }
 
-namespace
-{
-
-// Whether one of several bindings succeeded: some may do so although the command fails (VK_KHR_maintenance6).
 bool isBound(const VkBindBufferMemoryInfo &info, VkResult ofAll)
 {
     const auto *status = findInChain<VkBindMemoryStatusKHR>(info.pNext, VK_STRUCTURE_TYPE_BIND_MEMORY_STATUS_KHR);
     return ofAll == VK_SUCCESS || (status && *status->pResult == VK_SUCCESS);
 }
-
-} // namespace
 
 VkResult bindBufferMemory2(DeviceBuffers &device, VkDevice handle, uint32_t count, const VkBindBufferMemoryInfo *infos)
 {

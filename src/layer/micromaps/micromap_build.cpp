@@ -38,6 +38,15 @@ uint32_t alikeOf(const MicromapBuild &build)
     return alike;
 }
 
+// Invocations that copy the data of a block of triangles. A GPU has threads to spare, and the data may be large.
+uint32_t copiersLog2(const DeviceMicromaps &device, const MicromapExtent &extent)
+{
+    uint32_t log2 = device.driver.threads != 0 ? 2 : extent.maxLevel < 8 ? 6 : 12;
+    while (blocksOf(extent.triangles) << log2 > uint64_t{1} << 31) // shaders number them in 32 bits
+        --log2;
+    return log2;
+}
+
 MicromapPush pushOf(const DeviceMicromaps &device, const MicromapBuild &build)
 {
     const MicromapExtent &extent = build.extent;
@@ -56,7 +65,7 @@ MicromapPush pushOf(const DeviceMicromaps &device, const MicromapBuild &build)
     push.readable =
         device.buffers.addresses.elementsFrom(push.triangleArray, sizeof(VkMicromapTriangleEXT), build.triangleStride);
     push.alike = alikeOf(build);
-    push.copiersLog2 = device.driver.threads == 0 ? 6 : 2; // a GPU has threads to spare
+    push.copiersLog2 = copiersLog2(device, extent);
     push.dataBytes =
         static_cast<uint32_t>(std::min<VkDeviceSize>(device.buffers.addresses.bytesFrom(push.data), UINT32_MAX));
     return push;
@@ -156,7 +165,8 @@ void prepareInPlace(const DeviceMicromaps &device, VkCommandBuffer commandBuffer
         return;
     const AddressMap::Location location = device.buffers.addresses.covering(
         push.scratch, kScratchTables * 4, VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT);
-    if (!location.buffer || location.offset % 4 != 0)
+    if (!location.buffer || location.offset % 4 != 0 ||
+        (device.buffers.infos.get(given.target.buffer).usage & VK_BUFFER_USAGE_TRANSFER_DST_BIT) == 0)
         return;
     if (given.extent.units > 0) {
         build.copy = dataCopyOf(device, commandBuffer, given);
@@ -220,6 +230,8 @@ private:
             if (recording_)
                 prepare(build);
         }
+        if (any([](const OneBuild &build) { return build.inPlace; }))
+            barrier();
         if (any([](const OneBuild &build) { return build.shares(); }))
             share();
         stage(InjectedShader::MicromapInPlace, [](const OneBuild &build) {

@@ -15,7 +15,8 @@ namespace
 using namespace shared;
 
 // The build's shaders use 32-bit sums, and add the units of a block to a sum that may have reached the limit.
-constexpr uint64_t kMostTriangles = UINT32_MAX;
+// Shaders number blocks of triangles, and the invocations of a grid that is rounded up, in 32 bits.
+constexpr uint64_t kMostTriangles = UINT32_MAX - (uint64_t{1} << 17);
 constexpr uint64_t kMostUnits = UINT32_MAX - (uint64_t{kPlaceBlock} << 18);
 // Above it, the tables for sharing would need 64-bit offsets.
 constexpr uint64_t kMostSharing = uint64_t{1} << 26;
@@ -29,7 +30,7 @@ uint64_t MicromapExtent::bytes() const
 
 uint64_t MicromapExtent::parts() const
 {
-    return units / kPartUnits;
+    return share || lossy ? units / kPartUnits : 0;
 }
 
 uint64_t MicromapExtent::tableSlots() const

@@ -603,12 +603,13 @@ Found unneededIndices(const Attached &c)
     return when(!c.indexed() && c.attachment.indexBuffer.deviceAddress != 0,
                 "it is not null, although indexType is VK_INDEX_TYPE_NONE_KHR");
 }
-// Null is no buffer.
+// Null is no buffer, and a geometry without triangles reads none.
 Found noIndices(const Attached &c)
 {
     const VkDeviceAddress indices = c.attachment.indexBuffer.deviceAddress;
+    const bool read = indices != 0 && c.ranges.primitives(c.geometry) > 0;
     return c.indexBytes() != 0 && c.attachment.indexStride <= UINT32_MAX
-               ? isInvalid(c.device, indices, indices == 0 ? Report : Reject)
+               ? isInvalid(c.device, indices, read ? Reject : Report)
                : Found{};
 }
 Found noMicromap(const Attached &c)

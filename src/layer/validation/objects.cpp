@@ -198,8 +198,9 @@ VkResult bindBufferMemory2(DeviceValidation &device, VkDevice handle, uint32_t c
                            const VkBindBufferMemoryInfo *infos)
 {
     const VkResult result = device.next.BindBufferMemory2(handle, count, infos);
-    for (uint32_t i = 0; result == VK_SUCCESS && i < count; ++i)
-        remember(device.objects, [&] { bound(device, infos[i].buffer, infos[i].memory, infos[i].memoryOffset); });
+    for (uint32_t i = 0; i < count; ++i)
+        if (isBound(infos[i], result))
+            remember(device.objects, [&] { bound(device, infos[i].buffer, infos[i].memory, infos[i].memoryOffset); });
     return result;
 }
 

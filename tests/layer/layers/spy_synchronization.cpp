@@ -75,9 +75,29 @@ void expectDependency(void *key, const char *where, const VkDependencyInfo &info
     }
 }
 
+// Whoever waits for a build, waits for the stage of builds only: what the layer adds to a build by a transfer must be
+// ordered before what comes in that stage. And whoever makes a build wait, for a semaphore, makes it wait in that
+// stage: the transfer must wait for what comes before it in that stage.
+// A dispatch reads what a transfer before it wrote: the layer's, as it happens, always does.
+struct Updates {
+    bool built = false;       // there was a build in the command buffer
+    bool pending = false;     // and then a transfer, and no barrier since
+    bool waits = false;       // there was a barrier from that stage to transfers
+    bool transferred = false; // there was a transfer, and no barrier to dispatches since
+};
+std::map<VkCommandBuffer, Updates> updates;
+
+// The application's own barriers are for its own transfers.
+void forgetTransfers(VkCommandBuffer handle)
+{
+    std::lock_guard lock(mutex);
+    updates[handle].transferred = false;
+}
+
 VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier2(VkCommandBuffer handle, const VkDependencyInfo *info)
 {
     expectDependency(keyOf(handle), "vkCmdPipelineBarrier2", *info);
+    forgetTransfers(handle);
     SPY_NEXT(vkCmdPipelineBarrier2)(handle, info);
 }
 
@@ -158,16 +178,6 @@ VKAPI_ATTR VkResult VKAPI_CALL createRenderPass2(VkDevice handle, const VkRender
     return SPY_NEXT(vkCreateRenderPass2)(handle, info, allocator, pass);
 }
 
-// Whoever waits for a build, waits for the stage of builds only: what the layer adds to a build by a transfer must be
-// ordered before what comes in that stage. And whoever makes a build wait, for a semaphore, makes it wait in that
-// stage: the transfer must wait for what comes before it in that stage.
-struct Updates {
-    bool built = false;   // there was a build in the command buffer
-    bool pending = false; // and then a transfer, and no barrier since
-    bool waits = false;   // there was a barrier from that stage to transfers
-};
-std::map<VkCommandBuffer, Updates> updates;
-
 VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer handle, const VkCommandBufferBeginInfo *info)
 {
     {
@@ -185,12 +195,36 @@ VKAPI_ATTR void VKAPI_CALL cmdUpdateBuffer(VkCommandBuffer handle, VkBuffer buff
     {
         std::lock_guard lock(mutex);
         updates[handle].pending = updates[handle].built;
+        updates[handle].transferred = true;
         waits = updates[handle].waits;
     }
     constexpr VkDeviceSize descriptor = 32; // what the layer writes; the tests write other sizes
     if (size == descriptor && !waits)
         tell("vkCmdUpdateBuffer: not ordered after builds before it");
     SPY_NEXT(vkCmdUpdateBuffer)(handle, buffer, offset, size, data);
+}
+
+void expectTransfersAreSeen(VkCommandBuffer handle, const char *where)
+{
+    bool transferred = false;
+    {
+        std::lock_guard lock(mutex);
+        transferred = updates[handle].transferred;
+    }
+    if (transferred)
+        tell(std::string(where) + ": a transfer before it, and no barrier");
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdDispatch(VkCommandBuffer handle, uint32_t x, uint32_t y, uint32_t z)
+{
+    expectTransfersAreSeen(handle, "vkCmdDispatch");
+    SPY_NEXT(vkCmdDispatch)(handle, x, y, z);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdDispatchIndirect(VkCommandBuffer handle, VkBuffer buffer, VkDeviceSize offset)
+{
+    expectTransfersAreSeen(handle, "vkCmdDispatchIndirect");
+    SPY_NEXT(vkCmdDispatchIndirect)(handle, buffer, offset);
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier(VkCommandBuffer handle, VkPipelineStageFlags from,
@@ -202,12 +236,16 @@ VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier(VkCommandBuffer handle, VkPipeline
     constexpr VkPipelineStageFlags transfer = VK_PIPELINE_STAGE_TRANSFER_BIT | VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
     constexpr VkPipelineStageFlags builds =
         VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR | VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
+    constexpr VkPipelineStageFlags dispatches =
+        VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
     {
         std::lock_guard lock(mutex);
         if ((from & transfer) != 0 && (to & builds) != 0)
             updates[handle].pending = false;
         if ((from & builds) != 0 && (to & transfer) != 0)
             updates[handle].waits = true;
+        if ((from & transfer) != 0 && (to & dispatches) != 0)
+            updates[handle].transferred = false;
     }
     SPY_NEXT(vkCmdPipelineBarrier)(handle, from, to, flags, count, memory, buffers, buffer, images, image);
 }
@@ -239,6 +277,8 @@ std::span<const Row> synchronization()
         {"vkBeginCommandBuffer", SPY_FUNCTION(beginCommandBuffer)},
         {"vkEndCommandBuffer", SPY_FUNCTION(endCommandBuffer)},
         {"vkCmdUpdateBuffer", SPY_FUNCTION(cmdUpdateBuffer)},
+        {"vkCmdDispatch", SPY_FUNCTION(cmdDispatch)},
+        {"vkCmdDispatchIndirect", SPY_FUNCTION(cmdDispatchIndirect)},
         {"vkCmdPipelineBarrier", SPY_FUNCTION(cmdPipelineBarrier)},
         {"vkCmdPipelineBarrier2", SPY_FUNCTION(cmdPipelineBarrier2)},
         {"vkCmdSetEvent2", SPY_FUNCTION(cmdSetEvent2)},

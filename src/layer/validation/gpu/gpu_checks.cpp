@@ -229,8 +229,11 @@ void GpuBuildChecks::record()
     work.barrier();
     for (const NewRecord &record : records_)
         device_.records.set(device_.driver.next, commandBuffer_, *record.target->record, record.words);
-    if (dispatches)
+    if (dispatches) {
+        if (!records_.empty())
+            work.barrier();
         dispatch(work);
+    }
     work.barrier(true);
 }
 
@@ -250,7 +253,7 @@ void GpuBuildChecks::dispatch(InjectedWork &work)
     for (Indices &indices : indices_)
         if (indices.counted)
             indices.push.counts = begin({});
-    if (counts || !records_.empty())
+    if (counts)
         work.barrier();
     for (const InstanceCheckPush &push : instances_)
         work.dispatch(InjectedShader::InstanceCheck, push, push.count, 64);

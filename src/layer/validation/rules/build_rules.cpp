@@ -64,7 +64,8 @@ VkAccelerationStructureBuildSizesInfoKHR sizesOf(const DeviceModel &device, cons
     return sizes;
 }
 
-// The memory of a build without a mistake. Its scratch memory is checked against its buffer.
+// The memory of a build without a mistake; of the target of an update, which may be compacted, the first byte. Its scratch
+// memory is checked against its buffer.
 BuildMemory memoryOf(const RuleCheck &check, const input::StructureBuild &build)
 {
     const DeviceModel &device = check.device();
@@ -80,7 +81,7 @@ BuildMemory memoryOf(const RuleCheck &check, const input::StructureBuild &build)
                     build.isUpdate() ? "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12259" : rules::kScratchSizeId,
                     rules::tooFewBytes(available, needed));
     return {build.element, target,
-            memoryOf(device.objects.structureOf(target).get(), sizes.accelerationStructureSize),
+            memoryOf(device.objects.structureOf(target).get(), build.isUpdate() ? 1 : sizes.accelerationStructureSize),
             memoryAt(device, scratch, needed)};
 }
 
