@@ -215,8 +215,8 @@ void addObjects(std::vector<CommandCase> &cases)
 void addBuilds(std::vector<CommandCase> &cases)
 {
     cases.push_back({"vkCmdBuildAccelerationStructuresKHR, 1 triangle", times([](Side side, Commands commands, Count) {
-                         auto geometry =
-                             vkInit<VkAccelerationStructureGeometryKHR>({.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR});
+                         auto geometry = vkInit<VkAccelerationStructureGeometryKHR>(
+                             {.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR});
                          geometry.geometry.triangles = vkInit<VkAccelerationStructureGeometryTrianglesDataKHR>(
                              {.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT,
                               .vertexData = {.deviceAddress = side.buffer.address},

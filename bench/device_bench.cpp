@@ -71,7 +71,8 @@ void run(const gpu::DeviceInfo &off, const gpu::DeviceInfo &on, unsigned repetit
         {"and a first micromap build", [](gpu::Device &device) { buildMicromap(device, 0); }, true},
         {"and a first micromap build with ALLOW_COMPACTION",
          [](gpu::Device &device) { buildMicromap(device, VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT); }, true},
-        {"and a first build of a structure", [&](gpu::Device &device) { const render::World world(device, scene, {}); }},
+        {"and a first build of a structure",
+         [&](gpu::Device &device) { const render::World world(device, scene, {}); }},
         {"and a first pipeline with ray queries",
          [&](gpu::Device &device) { const render::Renderer renderer(device, scene, {}, settings); }},
     };

@@ -41,7 +41,8 @@ double seconds(const std::function<void()> &work)
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
-// As many triangles of a level as take about that many bytes; no two have the same data. `unaligned`: behind one of level 0.
+// As many triangles of a level as take about that many bytes; no two have the same data. `unaligned`: behind one of
+// level 0.
 Micromap inputOf(uint32_t level, Format format, size_t bytes, bool unaligned)
 {
     Micromap micromap;
@@ -166,7 +167,8 @@ int main(int argc, char **argv)
     app.add_option("--levels", levels, "subdivision levels");
     app.add_option("--megabytes", megabytes, "size of each micromap");
     app.add_option("--repetitions", repetitions, "builds of each kind");
-    app.add_flag("--unaligned", unaligned, "a triangle of level 0 comes first, and all data behind it, without padding");
+    app.add_flag("--unaligned", unaligned,
+                 "a triangle of level 0 comes first, and all data behind it, without padding");
     app.add_option("--layer-path", layerPath, "folder of the layer's manifest");
     CLI11_PARSE(app, argc, argv);
     try {

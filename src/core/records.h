@@ -56,7 +56,8 @@ VELLUM_CONST uint kSerializedMicromapHeaderWords = 16u;
 VELLUM_CONST uint kSerializedLayoutUuid = 4u;
 VELLUM_CONST uint kSerializedBytes = 8u;
 VELLUM_CONST uint kSerializedMicromapBytes = 10u;
-// Increment it with every change of the layout or meaning of micromap, triangle record or data, and kBlockVersion with it.
+// Increment it with every change of the layout or meaning of micromap, triangle record or data, and kBlockVersion with
+// it.
 VELLUM_CONST uint kMicromapLayoutVersion = 3u;
 VELLUM_CONST uint kMicromapLayoutUuid0 = 0x6c6c6556u; // "Vell"
 VELLUM_CONST uint kMicromapLayoutUuid1 = 0x6d206d75u; // "um m"
@@ -153,8 +154,8 @@ VELLUM_CONST uint kRootHashTable = 0u; // words 0, 1: address of the BLAS hash t
 
 VELLUM_CONST uint kRootGpuErrors = 2u; // words 2, 3: address of the counters of GPU errors
 
-// GPU errors: errors of builds and copies that only the GPU can find. Indices of counters, one word each, which only the GPU
-// writes.
+// GPU errors: errors of builds and copies that only the GPU can find. Indices of counters, one word each, which only
+// the GPU writes.
 VELLUM_CONST uint kGpuErrorForeignData = 0u;      // UUIDs of another driver or layer version
 VELLUM_CONST uint kGpuErrorDamagedData = 1u;      // data that is not serialized data, or not complete
 VELLUM_CONST uint kGpuErrorWrongType = 2u;        // serialized data of the other type of structure

@@ -26,8 +26,8 @@
 #include "shaders/compiler_vertex.h"
 
 #if defined(__SANITIZE_ADDRESS__)
-// Drivers leave memory behind, and are unloaded before the sanitizer names whose it is. Only a function that is visible replaces
-// the sanitizer's.
+// Drivers leave memory behind, and are unloaded before the sanitizer names whose it is. Only a function that is visible
+// replaces the sanitizer's.
 extern "C" __attribute__((visibility("default"))) const char *__asan_default_options();
 extern "C" const char *__asan_default_options()
 {

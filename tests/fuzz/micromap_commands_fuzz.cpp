@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "check.h"
-#include "gpu/pieces.h"
 #include "core/records.h"
 #include "fake_device.h"
+#include "gpu/pieces.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_build.h"
 #include "layer/micromaps/micromap_copy.h"

@@ -238,7 +238,8 @@ void scratchPastTheBuffer(Gpu &gpu, bool wrong)
 template <bool update>
 void structureScratchPastTheBuffer(Gpu &gpu, bool wrong)
 {
-    const Blas blas(gpu, {Geometry{.vertices = triangleRow(500)}}, VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR);
+    const Blas blas(gpu, {Geometry{.vertices = triangleRow(500)}},
+                    VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR);
     BuildInfo info = blas.buildInfo();
     if (update) {
         info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;

@@ -91,8 +91,8 @@ MicromapPush coarsenedOf(MicromapPush push, const MicromapExtent &extent)
     return push;
 }
 
-// The copy of the input data, up to the micromap's capacity, to the micromap's data units. A null buffer if the driver does
-// not allow the copy.
+// The copy of the input data, up to the micromap's capacity, to the micromap's data units. A null buffer if the driver
+// does not allow the copy.
 struct DataCopy {
     VkBuffer from = VK_NULL_HANDLE;
     VkBufferCopy region{};
@@ -121,7 +121,8 @@ struct OneBuild {
     MicromapPush push{};
     DataCopy copy;
     // If the data may be used in place, one pass checks that and writes all records. Those of micromap_pack.comp are
-    // dispatched indirectly, with arguments in the scratch memory, so that they cost little unless that pass starts them.
+    // dispatched indirectly, with arguments in the scratch memory, so that they cost little unless that pass starts
+    // them.
     bool inPlace = false;
     VkBuffer scratch = VK_NULL_HANDLE;
     VkDeviceSize scratchOffset = 0;
@@ -156,7 +157,8 @@ uint32_t trianglesPerInvocation(const DeviceMicromaps &device, uint32_t triangle
     return std::max(triangles / invocations, 1u);
 }
 
-// Prepares the pass in place, if the build can use it: the layer must know the buffers of the data and of the scratch memory.
+// Prepares the pass in place, if the build can use it: the layer must know the buffers of the data and of the scratch
+// memory.
 void prepareInPlace(const DeviceMicromaps &device, VkCommandBuffer commandBuffer, const MicromapBuild &given,
                     OneBuild &build)
 {
@@ -307,7 +309,8 @@ private:
             stage(InjectedShader::MicromapParts, sharedParts, 64, kBuildAnalysing);
         stage(InjectedShader::MicromapShare, sharedTriangles);
         stage(InjectedShader::MicromapSums, sharedBlocks);
-        stage(InjectedShader::MicromapScan, [](const OneBuild &build) { return uint64_t{build.shares()}; }, 1);
+        stage(
+            InjectedShader::MicromapScan, [](const OneBuild &build) { return uint64_t{build.shares()}; }, 1);
         stage(InjectedShader::MicromapPlace, sharedBlocks);
         if (parts)
             stage(InjectedShader::MicromapParts, sharedParts);

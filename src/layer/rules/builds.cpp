@@ -974,7 +974,8 @@ void checkBuild(const InputCheck &check, bool indirect, input::StructureBuild &b
 
 std::string tooFewBytes(VkDeviceSize available, VkDeviceSize needed)
 {
-    return "its buffer has " + std::to_string(available) + " bytes from there; the build needs " + std::to_string(needed);
+    return "its buffer has " + std::to_string(available) + " bytes from there; the build needs " +
+           std::to_string(needed);
 }
 
 void checkBuilds(const RuleDevice &device, const Place &command, input::Builds &builds, const Facts &facts,

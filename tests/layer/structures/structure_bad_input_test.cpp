@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Invalid copies of acceleration structures: the layer names the rule, writes nothing out of bounds, and the structures
 // can be traced.
-#include "gpu/copies.h"
 #include "command_buffer/state_scene.h"
+#include "gpu/copies.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
 

@@ -64,8 +64,8 @@ VkAccelerationStructureBuildSizesInfoKHR sizesOf(const DeviceModel &device, cons
     return sizes;
 }
 
-// The memory of a build without a mistake; of the target of an update, which may be compacted, the first byte. Its scratch
-// memory is checked against its buffer.
+// The memory of a build without a mistake; of the target of an update, which may be compacted, the first byte. Its
+// scratch memory is checked against its buffer.
 BuildMemory memoryOf(const RuleCheck &check, const input::StructureBuild &build)
 {
     const DeviceModel &device = check.device();
