@@ -9,6 +9,7 @@
 #include <cstring>
 #include <filesystem>
 #include <functional>
+#include <optional>
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
@@ -163,7 +164,7 @@ int main(int argc, char **argv)
     size_t megabytes = 64;
     unsigned repetitions = 7;
     bool unaligned = false;
-    std::filesystem::path layerPath;
+    std::optional<std::filesystem::path> layerPath;
     app.add_option("--levels", levels, "subdivision levels");
     app.add_option("--megabytes", megabytes, "size of each micromap");
     app.add_option("--repetitions", repetitions, "builds of each kind");
@@ -172,10 +173,7 @@ int main(int argc, char **argv)
     app.add_option("--layer-path", layerPath, "folder of the layer's manifest");
     CLI11_PARSE(app, argc, argv);
     try {
-        if (!layerPath.empty())
-            gpu::addLayerFolder(layerPath);
-        else if (const auto folder = gpu::findLayerFolder())
-            gpu::addLayerFolder(*folder);
+        gpu::offerLayer(layerPath);
         const gpu::Instance instance(true);
         gpu::Device device(gpu::DeviceSelection().from(instance), gpu::Api::Ext);
         fmt::print("| level | format | flags | triangles | MB | build, GB/s | copy, GB/s | build/copy | fastest |\n"

@@ -190,9 +190,9 @@ void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out)
         }
         const uint32_t byte = stays ? t.dataOffset % kDataUnitBytes : 0;
         if (stays) { // also what nothing refers to, as on the device, so that data without gaps has the same bytes
-            const uint64_t end = last * kDataUnitBytes;
-            std::memcpy(units + std::min<uint64_t>(t.dataOffset, end), input.data + t.dataOffset,
-                        std::min<uint64_t>(t.bytes(), end - std::min<uint64_t>(t.dataOffset, end)));
+            const uint64_t at = std::min<uint64_t>(t.dataOffset, last * kDataUnitBytes);
+            std::memcpy(units + at, input.data + t.dataOffset,
+                        std::min<uint64_t>(t.bytes(), last * kDataUnitBytes - at));
         } else if (own > 0) {
             std::memset(units + next * kDataUnitBytes, 0, own * kDataUnitBytes);
             std::memcpy(units + next * kDataUnitBytes, input.data + t.dataOffset, t.bytes());

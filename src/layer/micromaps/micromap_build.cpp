@@ -239,7 +239,7 @@ private:
         stage(InjectedShader::MicromapInPlace, [](const OneBuild &build) {
             return build.inPlace ? (build.triangles() - 1) / build.push.trianglesPerInvocation + 1 : 0;
         });
-        for (const uint32_t pass : {kPackSums, kPackScan, kPackCopies})
+        for (uint32_t pass = 0; pass < kPackPasses; ++pass)
             pack(pass);
     }
 

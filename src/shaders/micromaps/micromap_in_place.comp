@@ -47,7 +47,7 @@ InPlace writeAlike(uint first, uint last)
             wrong |= (triangles[i].y ^ push.alike) | uint(offset > push.lastOffset);
             furthest = max(furthest, offset);
             if (t + i * kTogether < last)
-                records.at[t + i * kTogether].words = Eight(recordAt(kind, offset >> 4u, offset & 15u));
+                records.at[t + i * kTogether].words = Eight(recordAt(kind, offset >> 4u, offset & 15u, kLookEverywhere));
         }
     }
     InPlace result;
@@ -65,14 +65,12 @@ InPlace writeMixed(uint first, uint last)
         const Source s = readSource(t);
         uvec2 record = recordWithoutData(s);
         if (unitsOf(s) != 0u) {
-            record = recordAt(kindOf(s), s.dataOffset >> 4u, s.dataOffset & 15u);
+            record = recordAt(kindOf(s), s.dataOffset >> 4u, s.dataOffset & 15u, kLookEverywhere);
             const uint end = unitsBehind(s.dataOffset, sourceBytes(s.level, s.bitsPerState));
             result.fails = result.fails || end > push.capacityUnits;
             result.end = max(result.end, end);
         }
-        Words to = recordOf(t);
-        to.w[0] = record.x;
-        to.w[1] = record.y;
+        storeRecord(t, record);
     }
     return result;
 }

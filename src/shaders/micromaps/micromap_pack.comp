@@ -15,7 +15,7 @@ void scan()
 {
     Words sums = Words(sumsAddress());
     uint sum = 0u;
-    for (uint b = 0u; b < (push.triangleCount + kPlaceBlock - 1u) / kPlaceBlock; ++b) {
+    for (uint b = 0u; b < blocks(); ++b) {
         const uint own = sums.w[b];
         sums.w[b] = min(sum, push.capacityUnits);
         sum = min(sum + own, push.capacityUnits + 1u);
@@ -47,14 +47,12 @@ void main()
         if (copies) {
             const bool overflows = units > push.capacityUnits - min(unit, push.capacityUnits);
             if ((t & (copiers - 1u)) == me) {
-                uvec2 record = recordAt(kindOf(s), unit, 0u);
+                uvec2 record = recordAt(kindOf(s), unit, 0u, kLookEverywhere);
                 if (units == 0u)
                     record = recordWithoutData(s);
                 else if (overflows)
                     record = uvec2(kRejected, ~0u);
-                Words to = recordOf(t);
-                to.w[0] = record.x;
-                to.w[1] = record.y;
+                storeRecord(t, record);
             }
             if (!overflows)
                 copyUnits(s, (me - unit) & (copiers - 1u), units, copiers,

@@ -21,21 +21,15 @@ void writeRecord(uint triangle, Source s, uint units, uint unit)
 {
     if (units == 0u)
         return;
-    Words record = recordOf(triangle);
     if (units > push.capacityUnits - min(unit, push.capacityUnits)) {
-        record.w[0] = kRejected;
-        record.w[1] = ~0u;
+        storeRecord(triangle, uvec2(kRejected, ~0u));
         return;
     }
     if (units > kPartUnits)
         listParts(triangle, units);
     else
         copyUnits(s, 0u, units, 1u, elementAddress(micromapUnits(push.micromap, push.triangleCount), unit, kDataUnitBytes));
-    const bool near = unit <= kMaxNearUnit;
-    const uint kind = kindOf(s);
-    record.w[0] = near ? (kKindData + kind) | unit << kUnitShift : kKindFar | kind << kUnitShift;
-    if (!near)
-        record.w[1] = unit;
+    storeRecord(triangle, recordAt(kindOf(s), unit, 0u, recordOf(triangle).w[1]));
 }
 
 void main()

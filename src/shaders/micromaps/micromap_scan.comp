@@ -13,10 +13,9 @@ shared uint sums[kThreads];
 void main()
 {
     const uint me = gl_LocalInvocationIndex;
-    const uint blocks = (push.triangleCount + kPlaceBlock - 1u) / kPlaceBlock;
-    const uint run = (blocks + kThreads - 1u) / kThreads;
-    const uint first = min(me * run, blocks);
-    const uint last = min(first + run, blocks);
+    const uint run = (blocks() + kThreads - 1u) / kThreads;
+    const uint first = min(me * run, blocks());
+    const uint last = min(first + run, blocks());
     const uint limit = push.capacityUnits + 1u;
     Words table = Words(sumsAddress());
     uint sum = 0u;

@@ -77,11 +77,18 @@ Words recordOf(uint triangle)
 // The coarse mask by which lookup reads the data of every sub-triangle of level 2; the build need not read the data for it.
 const uint kLookEverywhere = 0xaaaaaaaau;
 
-// The record of data whose mask is not known, at a byte of the micromap's data.
-uvec2 recordAt(uint kind, uint unit, uint byte)
+void storeRecord(uint triangle, uvec2 record)
+{
+    Words words = recordOf(triangle);
+    words.w[0] = record.x;
+    words.w[1] = record.y;
+}
+
+// The record of data at a byte of the micromap's data, with a coarse mask, for which there is no room where the data is far.
+uvec2 recordAt(uint kind, uint unit, uint byte, uint mask)
 {
     const bool near = byte == 0u && unit <= kMaxNearUnit;
-    return near ? uvec2((kKindData + kind) | unit << kUnitShift, kLookEverywhere)
+    return near ? uvec2((kKindData + kind) | unit << kUnitShift, mask)
                 : uvec2(kKindFar | kind << kUnitShift | byte << kFarByteShift, unit);
 }
 
@@ -95,11 +102,13 @@ void writeHeader(uint units)
     header.w[kMicromapHeaderFlags] = push.flags & kBuildFlagsMask;
     for (uint i = kMicromapHeaderFlags + 1u; i < kMicromapHeaderWords; ++i)
         header.w[i] = 0u;
-    if ((push.triangleCount & 1u) != 0u) {
-        Words padding = recordOf(push.triangleCount);
-        padding.w[0] = 0u;
-        padding.w[1] = 0u;
-    }
+    if ((push.triangleCount & 1u) != 0u)
+        storeRecord(push.triangleCount, uvec2(0u));
+}
+
+uint blocks()
+{
+    return (push.triangleCount + kPlaceBlock - 1u) / kPlaceBlock;
 }
 
 // Tables of the scratch memory.
@@ -110,7 +119,7 @@ uvec2 sumsAddress()
 
 uvec2 partsAddress()
 {
-    return elementAddress(sumsAddress(), (push.triangleCount + kPlaceBlock - 1u) / kPlaceBlock, 4u);
+    return elementAddress(sumsAddress(), blocks(), 4u);
 }
 
 uvec2 hashesAddress()

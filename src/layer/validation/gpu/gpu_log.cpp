@@ -124,7 +124,7 @@ BrokenRule geometryRule(const Finding &f, bool khr, const std::string &micromap)
     }
 }
 
-BrokenRule instanceRule(const GpuChecks &gpu, const Finding &f)
+BrokenRule instanceRule(GpuChecks &gpu, const Finding &f)
 {
     if ((f.what & kFindingMask) == kFindingFeature)
         return {"VUID-VkAccelerationStructureInstanceKHR-micromap-11580",
@@ -139,9 +139,11 @@ BrokenRule instanceRule(const GpuChecks &gpu, const Finding &f)
     case kFindingDestroyed: what = " was destroyed, or lost its memory"; break;
     default: break;
     }
-    if (what)
+    if (what) {
+        gpu.pending.found(1u << (indirect ? kGpuErrorNoBottomLevelIndirect : kGpuErrorNoBottomLevel));
         return {indirect ? rules::ids::kIndirectReference : rules::ids::kReference,
                 "the structure at accelerationStructureReference " + reference + what};
+    }
     const char *command = indirect ? "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10607"
                                    : "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10607";
     return {gpu.device.driver.enabled.khr ? "VUID-VkAccelerationStructureInstanceKHR-flags-11581" : command,
@@ -181,10 +183,6 @@ void reportFinding(GpuChecks &gpu, const Finding &f)
         rule.text = triangle + rule.text;
     } else {
         rule = instanceRule(gpu, f);
-        if (rule.vuid == rules::ids::kReference)
-            gpu.pending.found(1u << kGpuErrorNoBottomLevel);
-        else if (rule.vuid == rules::ids::kIndirectReference)
-            gpu.pending.found(1u << kGpuErrorNoBottomLevelIndirect);
         rule.text = "instance " + number(f.element) + ": " + rule.text;
     }
     gpu.device.fault(placeOf(f), rule.vuid, rule.text, object);

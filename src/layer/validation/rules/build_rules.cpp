@@ -64,25 +64,32 @@ VkAccelerationStructureBuildSizesInfoKHR sizesOf(const DeviceModel &device, cons
     return sizes;
 }
 
-// The memory of a build without a mistake; of the target of an update, which may be compacted, the first byte. Its
-// scratch memory is checked against its buffer.
-BuildMemory memoryOf(const RuleCheck &check, const input::StructureBuild &build)
+// Bytes of scratch memory that a build with these sizes needs.
+VkDeviceSize scratchOf(const input::StructureBuild &build, const VkAccelerationStructureBuildSizesInfoKHR &sizes)
 {
-    const DeviceModel &device = check.device();
-    const ObjectHandle target = build.given->dstAccelerationStructure;
-    if (!build.accepted)
-        return {build.element, target, {}, {}};
-    const VkAccelerationStructureBuildSizesInfoKHR sizes = sizesOf(device, build);
+    return build.isUpdate() ? sizes.updateScratchSize : sizes.buildScratchSize;
+}
+
+void checkScratchSize(const RuleCheck &check, const input::StructureBuild &build,
+                      const VkAccelerationStructureBuildSizesInfoKHR &sizes)
+{
     const VkDeviceAddress scratch = build.given->scratchData.deviceAddress;
-    const VkDeviceSize needed = build.isUpdate() ? sizes.updateScratchSize : sizes.buildScratchSize;
-    const VkDeviceSize available = device.buffers.addresses.bytesFrom(scratch);
+    const VkDeviceSize needed = scratchOf(build, sizes);
+    const VkDeviceSize available = check.device().buffers.addresses.bytesFrom(scratch);
     if (needed > 0 && scratch != 0 && available < needed)
         check.fault("scratchData",
                     build.isUpdate() ? "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12259" : rules::kScratchSizeId,
                     rules::tooFewBytes(available, needed));
+}
+
+// Of the target of an update, which may be compacted, the first byte.
+BuildMemory memoryOf(const DeviceModel &device, const input::StructureBuild &build,
+                     const VkAccelerationStructureBuildSizesInfoKHR &sizes)
+{
+    const ObjectHandle target = build.given->dstAccelerationStructure;
     return {build.element, target,
             memoryOf(device.objects.structureOf(target).get(), build.isUpdate() ? 1 : sizes.accelerationStructureSize),
-            memoryAt(device, scratch, needed)};
+            memoryAt(device, build.given->scratchData.deviceAddress, scratchOf(build, sizes))};
 }
 
 void checkOverlaps(const RuleCheck &command, std::span<const BuildMemory> builds, const OverlapIds &ids)
@@ -573,8 +580,12 @@ void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildComman
     for (const input::MicromapBuild &build : builds.micromaps)
         memory.push_back(memoryOf(device, build));
     for (const input::StructureBuild &build : builds.structures) {
+        if (!build.accepted) // nothing is known of a build with a mistake
+            continue;
         const Place element = place.element("pInfos", build.element);
-        memory.push_back(memoryOf({device, element, build.given->dstAccelerationStructure, commandBuffer}, build));
+        const VkAccelerationStructureBuildSizesInfoKHR sizes = sizesOf(device, build);
+        checkScratchSize({device, element, build.given->dstAccelerationStructure, commandBuffer}, build, sizes);
+        memory.push_back(memoryOf(device, build, sizes));
     }
     std::ranges::sort(memory, {}, &BuildMemory::element);
     const RuleCheck check(device, place, commandBuffer, commandBuffer);
