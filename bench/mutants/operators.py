@@ -296,6 +296,8 @@ def mutants_of(name, source, flags):
         for start, end, text in sorted(find(file)):
             if any(first <= start < last for first, last in excluded) or (start, end, text) in seen:
                 continue
+            if text == source[start:end]:  # equal operands, exchanged
+                continue
             seen.add((start, end, text))
             line = source.count("\n", 0, start) + 1
             ordinal = ordinals.get(line, 0)

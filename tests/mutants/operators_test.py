@@ -70,6 +70,7 @@ class Operators(unittest.TestCase):
         self.assertEqual(inside("f(a, g(b, 1));", "operands"), ["f(g(b, 1), a);", "f(a, g(1, b));"])
         self.assertEqual(inside("x = a ? b : f(c, c);", "operands"), ["x = a ? f(c, c) : b;"])
         self.assertEqual(inside('f("text", a);', "operands"), [])
+        self.assertEqual(inside("x = a - 1 > 1;", "operands"), ["x = 1 - a > 1;"])
 
     def test_statement(self):
         self.assertEqual(inside("a = b;", "statement"), [";"])

@@ -67,7 +67,7 @@ class CheckEnds(unittest.TestCase):
             folder = pathlib.Path(name)
             planted = next(known for known in faults.known_faults(BUILD) if known.name == fault)
             variables = faults.environment(BUILD, folder, planted) | {"VELLUM_TEST_FAULT_AFTER": "30"}
-            words = ["--seconds", "1", "--timeout", "5" if fault == "hangs" else "60", "-o", str(folder / "report.html")]
+            words = ["--seconds", "1", "--timeout", "15" if fault == "hangs" else "60", "-o", str(folder / "report.html")]
             ended = subprocess.run([str(BUILD / "bin/vellum"), "bench", *words], env=variables, capture_output=True, text=True,
                                    check=False)
             self.assertEqual(ended.returncode, 1, ended.stderr)
@@ -79,10 +79,10 @@ class CheckEnds(unittest.TestCase):
         for fault, parts in self.side_by_side(self.bench, found):
             with self.subTest(fault):
                 words = found[fault]
-                self.assertTrue(parts[0]["rows"])
-                self.assertTrue(any(part["failure"] for part in parts))
+                self.assertTrue(parts[0]["rows"], parts[0])
+                self.assertTrue(any(part["failure"] for part in parts), parts)
                 for part in parts:
-                    self.assertIn(words if part["failure"] else "", part["failure"])
+                    self.assertIn(words if part["failure"] else "", part["failure"], part)
 
 
 if __name__ == "__main__":
