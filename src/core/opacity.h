@@ -97,6 +97,15 @@ VELLUM_FN uint hitTable(VELLUM_IN uint instanceFlags)
     return (opaque | (unknownTransparent << 2u) | (unknownOpaque << 4u) | (none << 6u)) << kHitTableShift;
 }
 
+// The flags in a table: kInstanceForceOpaque and kInstanceForce2State.
+VELLUM_FN uint flagsInTable(VELLUM_IN uint word)
+{
+    const uint none = word >> (kHitTableShift + 6u);
+    const uint unknownTransparent = (word >> (kHitTableShift + 2u)) & 3u;
+    return (none == kHitOpaque ? kInstanceForceOpaque : 0u) |
+           (unknownTransparent == kHitIgnored ? kInstanceForce2State : 0u);
+}
+
 VELLUM_FN uint hitInTable(VELLUM_IN uint word, VELLUM_IN uint state)
 {
     return state == kStateTransparent ? kHitIgnored : (word >> (kHitTableShift - 2u + 2u * state)) & 3u;

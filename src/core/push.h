@@ -8,10 +8,12 @@
 #ifdef __cplusplus
 #include "core/shared.h"
 #define VELLUM_ADDRESS uint64_t
+#define VELLUM_UVEC2(name) uint name[2]
 #define VELLUM_UVEC4(name) uint name[4]
 #else
 #include "shared.h"
 #define VELLUM_ADDRESS uvec2
+#define VELLUM_UVEC2(name) uvec2 name
 #define VELLUM_UVEC4(name) uvec4 name
 #endif
 
@@ -84,25 +86,38 @@ struct BlasRecordsPush {
     uint commonUnits;  // updates: size of the smaller one of source and structure
 };
 
-// structures/tlas_instances.comp
+// structures/tlas_gather.comp
 // Sources of instances.
 VELLUM_CONST uint kFromArray = 0u;
 VELLUM_CONST uint kFromPointers = 1u;
-VELLUM_CONST uint kFromTarget = 2u;     // a transfer has copied the array to the target
-VELLUM_CONST uint kFromStructure = 3u;  // copies: the instances of another structure
-VELLUM_CONST uint kFromSerialized = 4u; // the same, with the references in a separate array
-struct TlasInstancesPush {
+VELLUM_CONST uint kFromStructure = 2u;  // copies: the instances of another structure
+VELLUM_CONST uint kFromSerialized = 3u; // the same in serialized data, with the references in a separate array
+struct TlasGatherPush {
     VELLUM_ADDRESS source; // instances, pointers to them, or a descriptor that leads to them
-    VELLUM_ADDRESS target; // instances for the driver
     VELLUM_ADDRESS root;
-    VELLUM_ADDRESS tail;       // target of the instances that are kept for copies of the structure
+    VELLUM_ADDRESS tail;       // target
     VELLUM_ADDRESS descriptor; // of the structure that is built
     VELLUM_ADDRESS range;      // indirect builds: a VkAccelerationStructureBuildRangeInfoKHR; 0: the build is direct
     uint count;                // instances that the driver builds
     uint firstSlot;
     uint from; // kFrom*
-    uint pass; // 0: before the driver's build; 1: after it, writes the tail, since the driver may clear the whole
-               // structure
+    uint padding;
+};
+
+// structures/tlas_instances.comp
+struct TlasInstancesPush {
+    VELLUM_ADDRESS source; // the application's instances; `tail`: they are there already
+    VELLUM_ADDRESS tail;   // target: what the driver builds from
+    VELLUM_ADDRESS root;
+    VELLUM_ADDRESS records;  // instance record of the first one
+    VELLUM_ADDRESS counters; // of GPU errors
+    VELLUM_UVEC2(hitTables); // hitTable() of each combination of the first three of the flags, a byte each
+    uint count;
+    uint firstSlot;
+    uint usableKinds;  // one bit for each kDescriptor*: what an instance may reference
+    uint wrongKinds;   // likewise: references that are errors
+    uint unknownError; // kGpuError* of a reference that leads to no bottom-level structure
+    uint unbuiltError; // of one that leads to a structure that was not built
 };
 
 // structures/structure_copy.comp

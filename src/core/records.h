@@ -4,7 +4,8 @@
 //   micromap    header (16 words), one triangle record (2 words) per micromap triangle, padding to 16 bytes, data units
 //   BLAS tail   one geometry record (4 words) per geometry, one micromap name (4 words) per geometry, then triangle
 //               records; in a structure that was deserialized, then the data units of its unnamed micromaps
-//   TLAS tail   the application's instances (16 words each), as the build read them
+//   TLAS tail   the instances (16 words each) that the driver has built from: the application's, with slots as custom
+//               indices and without some flags, which the instance records keep
 //   slot page   2^kSlotsPerPageLog2 instance records (4 words)
 //   root        header (16 words), then kDirectoryPages page addresses (2 words each), see below
 #ifndef VELLUM_CORE_RECORDS_H
@@ -129,8 +130,9 @@ VELLUM_CONST uint kMicromapNameWords = 4u;
 //         of others: a copy of word 0 of the BLAS's geometry record if it has one geometry, which saves lookup a load
 //         before that of the triangle record; 0 if it has no records. Of several geometries: kManyGeometries, and a
 //         mask for their words 0. With DISABLE_OPACITY_MICROMAPS no triangle record is named.
-// word 2, 3: address of the BLAS's geometry records, a multiple of 16; 0: it has none. Of instances of boxes:
-//         word 2: which geometries are opaque, see word 7 of the descriptor
+// word 2, 3: address of the BLAS's geometry records, a multiple of 16. If it has none:
+//         of instances of boxes: which geometries are opaque, see word 7 of the descriptor; kInstanceNoRecords
+//         of others: the instance flags 4 and 5, which the driver does not get; 0
 // Nothing is repeated here that an update of the BLAS may change, such as the address of the data: after an update of
 // the BLAS the TLAS need not be built again.
 VELLUM_CONST uint kInstanceRecordWords = 4u;
@@ -142,9 +144,11 @@ VELLUM_CONST uint kInstanceFlagsShift = 2u;
 VELLUM_CONST uint kInstanceFlagsMask = 15u;
 VELLUM_CONST uint kInstanceBoxes = 0x10000000u;
 VELLUM_CONST uint kInstanceBoxFlagsShift = 24u;
+VELLUM_CONST uint kInstanceNoRecords = 0xffffffffu;
 // Neither a page nor the root crosses a multiple of 2^32, so the upper word of the address is the same for all of it.
 // In the root, the bytes of all pages before a page are subtracted from the lower word of its address.
 VELLUM_CONST uint kSlotsPerPageLog2 = 16u;
+VELLUM_CONST uint kSlotsPerPage = 1u << kSlotsPerPageLog2;
 VELLUM_CONST uint kDirectoryPages = 256u;
 VELLUM_CONST uint kFirstSlots = 65536u; // in the first page
 

@@ -79,18 +79,19 @@ VkFlags64 emulatedUsage(VkFlags64 usage, VkBufferCreateFlags flags)
         result |= VK_BUFFER_USAGE_TRANSFER_SRC_BIT;
     if (usage & (inputs | storage))
         result |= VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
-    // Any such buffer may be the scratch memory of a TLAS build, into which the layer writes the driver's instances
-    // (VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261 and -geometry-03673), or of a micromap build, which has
-    // the arguments of indirect dispatches there.
+    // Any such buffer may be the scratch memory of a micromap build, which has the arguments of indirect dispatches
+    // there.
     const VkFlags64 scratch = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
     if ((usage & scratch) == scratch)
-        result |= VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR |
-                  VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
+        result |= VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
     // Micromaps are read in units of 16 bytes, so their memory is aligned like that of acceleration structures.
     if (usage & VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT)
         result |= VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR;
+    // The driver builds a TLAS from instances in its own memory
+    // (VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261 and -geometry-03673).
     if (usage & storage)
-        result |= VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+        result |= VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR |
+                  VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
     return result;
 }
 

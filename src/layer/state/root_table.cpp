@@ -20,7 +20,6 @@ using namespace shared;
 
 constexpr VkDeviceAddress kHeldKey = 2; // synthetic keys are this plus a multiple of 4
 constexpr uint32_t kSlots = 1u << 24;   // instanceCustomIndex has 24 bits
-constexpr uint32_t kSlotsPerPage = 1u << kSlotsPerPageLog2;
 constexpr VkDeviceSize kPageBytes = VkDeviceSize{kSlotsPerPage} * kInstanceRecordWords * 4;
 // With a record of zeros every hit reaches the shader, except those in transparent micro-triangles.
 static_assert(hitInTable(0, kStateNone) == kHitNonOpaque && hitInTable(0, kStateOpaque) == kHitNonOpaque);
@@ -84,6 +83,12 @@ uint32_t *bucketWords(const GpuBuffer &table, uint32_t bucket)
 }
 
 } // namespace
+
+VkDeviceAddress SlotRange::recordAddress(uint32_t slot) const
+{
+    const uint32_t page = (slot >> kSlotsPerPageLog2) - (first_ >> kSlotsPerPageLog2);
+    return pages_[page] + slot % kSlotsPerPage * VkDeviceSize{kInstanceRecordWords * 4};
+}
 
 SlotRange::~SlotRange()
 {
@@ -181,9 +186,13 @@ std::shared_ptr<SlotRange> RootTable::allocateSlots(uint32_t count)
             const auto [first, available] = *it;
             if (available < count)
                 continue;
-            if (!addPages((first + std::max(count, 1u) - 1) >> kSlotsPerPageLog2))
+            const uint32_t lastPage = (first + std::max(count, 1u) - 1) >> kSlotsPerPageLog2;
+            if (!addPages(lastPage))
                 return nullptr;
-            auto slots = std::make_shared<SlotRange>(*this, first, count); // nothing fails after this
+            std::vector<VkDeviceAddress> pages;
+            for (uint32_t page = first >> kSlotsPerPageLog2; page <= lastPage; ++page)
+                pages.push_back(pages_[page].address());
+            auto slots = std::make_shared<SlotRange>(*this, first, count, std::move(pages)); // nothing fails after this
             auto rest = freeSlots_.extract(it);
             if (available > count) {
                 rest.key() = first + count;

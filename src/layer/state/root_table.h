@@ -32,12 +32,18 @@ class RootTable;
 class SlotRange
 {
 public:
-    SlotRange(RootTable &table, uint32_t first, uint32_t count) : table_(table), first_(first), count_(count) {}
+    // `pages`: the addresses of the pages that the slots are in.
+    SlotRange(RootTable &table, uint32_t first, uint32_t count, std::vector<VkDeviceAddress> pages)
+        : table_(table), first_(first), count_(count), pages_(std::move(pages))
+    {
+    }
     ~SlotRange();
     SlotRange(const SlotRange &) = delete;
     SlotRange &operator=(const SlotRange &) = delete;
     [[nodiscard]] uint32_t first() const { return first_; }
     [[nodiscard]] uint32_t count() const { return count_; }
+    // The address of the instance record of one of the slots. The records of its page follow it.
+    [[nodiscard]] VkDeviceAddress recordAddress(uint32_t slot) const;
     // Command buffers that use the slots keep this. It does not keep the slots.
     [[nodiscard]] const std::shared_ptr<const void> &use() const { return use_; }
     [[nodiscard]] bool isUsed() const { return use_.use_count() > 1; }
@@ -46,6 +52,7 @@ private:
     RootTable &table_;
     uint32_t first_;
     uint32_t count_;
+    std::vector<VkDeviceAddress> pages_;
     std::shared_ptr<const void> use_ = std::make_shared<char>();
 };
 
@@ -82,6 +89,7 @@ public:
     // The errors that shaders have found since the last call, one bit for each kGpuError*. The host only reads their
     // counters (see StructureDescriptorPool).
     uint32_t takeGpuErrors();
+    [[nodiscard]] VkDeviceAddress gpuErrorsAddress() const { return gpuErrors_.address(); }
 
     // The greatest instanceShaderBindingTableRecordOffset of the builds that the device has executed, and the address
     // at which shaders read and update it.

@@ -53,7 +53,7 @@ void EmulatedBackend::getSizes(VkAccelerationStructureBuildTypeKHR type, Structu
     if (build.topLevel && build.geometryCount() == 1) {
         const TopLevelLayout layout(driver, build.info.flags, primitives[0]);
         sizes.accelerationStructureSize = layout.reportedBytes();
-        sizes.buildScratchSize = sizes.updateScratchSize = layout.scratchBytes(); // an update is a build
+        sizes.buildScratchSize = sizes.updateScratchSize = layout.scratchBytes; // an update is a build
     } else {
         sizes.accelerationStructureSize =
             alignUp(sizes.accelerationStructureSize, kPartAlignment) + bottomLevelTailBytes(build, primitives);

@@ -10,7 +10,7 @@ namespace vellum::layer
 
 bool reachesOver(const DeviceStructures &device, const AccelerationStructure &structure)
 {
-    return device.driver.clearsWholeHandles && (structure.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ||
+    return device.driver.clearsWholeHandles && (structure.type != VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR ||
                                                 capacityOf(device.objects, structure) < structure.size);
 }
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <memory>
+#include <optional>
 #include <string>
 
 #include "core/records.h"
@@ -14,6 +16,7 @@
 #include "layer/structures/driver_builds.h"
 #include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_layout.h"
+#include "layer/structures/top_level_instances.h"
 
 namespace vellum::layer
 {
@@ -69,11 +72,14 @@ public:
     }
 
 private:
-    // The copies of the application's instances, by transfers, which are faster than a shader that copies them: before
-    // the driver's build to what it builds from, and after it to the tail. Null buffers: the shader copies.
-    struct InstanceTransfers {
-        VkBuffer source = VK_NULL_HANDLE, patched = VK_NULL_HANDLE, structure = VK_NULL_HANDLE;
-        VkBufferCopy toPatched{}, toTail{};
+    // Of a top-level structure.
+    struct Instances {
+        std::shared_ptr<SlotRange> slots;
+        uint32_t count = 0;
+        InstanceSource from = InstanceSource::Build;
+        VkDeviceAddress source = 0;           // of tlas_instances.comp
+        VkDeviceAddress tail = 0;             // its target
+        std::optional<TlasGatherPush> gather; // brings them to the tail before
     };
 
     struct Part {
@@ -85,9 +91,8 @@ private:
         // That the driver needs; only set for builds without records, if the driver clears whole handles.
         VkDeviceSize driverBytes = 0;
         StructureDescriptor descriptor;
-        RangeInfo instanceRange{}; // of the patched instances
-        TlasInstancesPush instances{};
-        InstanceTransfers transfers;
+        Instances instances;
+        RangeInfo instanceRange{}; // of the instances in the tail
         bool skipped = false;
 
         [[nodiscard]] AccelerationStructure &target() const { return *build.target; }
@@ -158,9 +163,18 @@ private:
     void skipUnrecordable(InjectedWork &work)
     {
         for (Part &part : parts_) {
-            if (!part.skipped && (part.tail || part.build.topLevel))
-                part.skipped = !work.prepare(part.tail ? InjectedShader::BlasRecords : InjectedShader::TlasInstances);
+            if (!part.skipped && part.build.topLevel)
+                part.skipped = (gathers(part.build) && !work.prepare(InjectedShader::TlasGather)) ||
+                               !work.prepare(InjectedShader::TlasInstances);
+            else if (!part.skipped && part.tail)
+                part.skipped = !work.prepare(InjectedShader::BlasRecords);
         }
+    }
+
+    // Whether only the device knows where the instances are, or how many.
+    [[nodiscard]] static bool gathers(const StructureBuild &build)
+    {
+        return build.geometries[0].geometry.instances.arrayOfPointers || build.ranges.address(0) != 0;
     }
 
     // Limits the range that the driver may write to what the build needs.
@@ -200,52 +214,40 @@ private:
             return false;
         }
         device_.commands.states.keep(commandBuffer_, slots->use());
-        becomesTopLevel(target, count, layout.bytes());
-        fit(part, layout.bytes());
-        VkAccelerationStructureGeometryInstancesDataKHR &instances = build.geometries[0].geometry.instances;
-        TlasInstancesPush &push = part.instances;
-        push.source = instances.data.deviceAddress;
-        if (build.ranges.direct)
-            push.source += build.ranges.direct[0].primitiveOffset;
-        push.range = build.ranges.address(0);
-        // After the scratch memory that the driver needs.
-        push.target = alignUp(build.info.scratchData.deviceAddress + layout.driverScratch, kPatchedAlignment);
-        push.root = device_.objects.root.address();
-        push.tail = beginOf(device_.driver, target) + layout.tailOffset;
-        push.descriptor = part.descriptor.address;
-        push.count = count;
-        push.firstSlot = slots->first();
-        push.from = instances.arrayOfPointers ? kFromPointers : kFromArray;
-        instances.arrayOfPointers = VK_FALSE;
-        instances.data.deviceAddress = push.target;
+        becomesTopLevel(target, count, layout.tailOffset);
+        fit(part, layout.tailOffset);
+        part.instances.slots = slots;
+        part.instances.count = count;
+        part.instances.tail = beginOf(device_.driver, target) + layout.tailOffset;
         part.instanceRange = {count, 0, 0, 0};
-        prepareTransfers(part, layout.tailOffset);
+        prepareInstances(part);
+        VkAccelerationStructureGeometryInstancesDataKHR &data = build.geometries[0].geometry.instances;
+        data.arrayOfPointers = VK_FALSE;
+        data.data.deviceAddress = part.instances.tail;
         return true;
     }
 
-    void prepareTransfers(Part &part, VkDeviceSize tailOffset)
+    void prepareInstances(Part &part)
     {
-        TlasInstancesPush &push = part.instances;
-        const AddressMap &addresses = device_.buffers.addresses;
-        const AccelerationStructure &target = part.target();
-        const VkDeviceSize bytes = push.count * sizeof(VkAccelerationStructureInstanceKHR);
-        const bool hostKnowsRange = push.from == kFromArray && push.range == 0 && bytes > 0;
-        if (!hostKnowsRange || (device_.buffers.infos.get(target.buffer).usage & VK_BUFFER_USAGE_TRANSFER_DST_BIT) == 0)
+        const StructureBuild &build = part.build;
+        const VkAccelerationStructureGeometryInstancesDataKHR &data = build.geometries[0].geometry.instances;
+        Instances &instances = part.instances;
+        instances.source = data.data.deviceAddress;
+        if (build.ranges.direct)
+            instances.source += build.ranges.direct[0].primitiveOffset;
+        if (!gathers(build))
             return;
-        const AddressMap::Location source = addresses.covering(push.source, bytes, VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
-        const AddressMap::Location patched = addresses.covering(push.target, bytes, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
-        const auto overlaps = [&](VkDeviceAddress to) { return push.source < to + bytes && to < push.source + bytes; };
-        if (!source.buffer || !patched.buffer || overlaps(push.target) || overlaps(push.tail))
-            return;
-        device_.commands.states.keep(commandBuffer_, source.owner);
-        device_.commands.states.keep(commandBuffer_, patched.owner);
-        part.transfers = {source.buffer,
-                          patched.buffer,
-                          target.buffer,
-                          {source.offset, patched.offset, bytes},
-                          {source.offset, target.offset + tailOffset, bytes}};
-        push.source = push.target;
-        push.from = kFromTarget;
+        TlasGatherPush &push = instances.gather.emplace();
+        push.source = instances.source;
+        push.root = device_.objects.root.address();
+        push.tail = instances.tail;
+        push.descriptor = part.descriptor.address;
+        push.range = build.ranges.address(0);
+        push.count = instances.count;
+        push.firstSlot = instances.slots->first();
+        push.from = data.arrayOfPointers ? kFromPointers : kFromArray;
+        instances.source = instances.tail;
+        instances.from = push.range != 0 ? InstanceSource::IndirectBuild : InstanceSource::Build;
     }
 
     void patchInstances(InjectedWork &work)
@@ -258,23 +260,33 @@ private:
         if (!any)
             return;
         work.barrier();
-        bool transferred = false;
-        for (const Part &part : parts_) {
-            const InstanceTransfers &transfers = part.transfers;
-            if (!transfers.source)
+        bool gathered = false;
+        for (Part &part : parts_) {
+            if (part.skipped || !part.build.topLevel)
                 continue;
-            device_.driver.next.CmdCopyBuffer(commandBuffer_, transfers.source, transfers.patched, 1,
-                                              &transfers.toPatched);
-            transferred = true;
+            const Instances &instances = part.instances;
+            if (!instances.gather)
+                continue;
+            part.skipped =
+                !work.dispatch(InjectedShader::TlasGather, *instances.gather, std::max(instances.count, 1u), 64);
+            gathered = true;
         }
-        if (transferred)
+        if (gathered)
             work.barrier();
         for (Part &part : parts_) {
+            const Instances &instances = part.instances;
             if (!part.skipped && part.build.topLevel)
-                part.skipped = !work.dispatch(InjectedShader::TlasInstances, part.instances,
-                                              std::max(part.instances.count, 1u), 64);
+                part.skipped = !layer::patchInstances(work, device_, *instances.slots, instances.count,
+                                                      instances.source, instances.tail, instances.from);
         }
-        work.barrier(true); // the host reads the greatest record offset
+        for (const Part &part : parts_) {
+            if (part.skipped || !part.build.topLevel || part.instances.gather)
+                continue;
+            const auto words = topLevelDescriptor(part);
+            device_.driver.next.CmdUpdateBuffer(commandBuffer_, part.descriptor.buffer, part.descriptor.offset,
+                                                sizeof words, words.data());
+        }
+        work.barrier(true); // the host reads the descriptors and the greatest record offset
     }
 
     [[nodiscard]] static bool writesPlainDescriptor(const Part &part)
@@ -313,13 +325,29 @@ private:
         builds.record(device_.driver, commandBuffer_);
     }
 
+    // Word 2 of the descriptor that the part is written to.
+    static uint32_t kindWord(const Part &part, uint32_t kind)
+    {
+        return kind | static_cast<uint32_t>(part.descriptor.address % kDescriptorGenerations)
+                          << kDescriptorGenerationShift;
+    }
+
+    static std::array<uint32_t, kDescriptorWords> topLevelDescriptor(const Part &part)
+    {
+        const Instances &instances = part.instances;
+        const uint32_t units = instances.count * kInstanceUnits;
+        std::array<uint32_t, kDescriptorWords> words{
+            0, 0, kindWord(part, kDescriptorTop), units, instances.count, units, instances.slots->first(), 0};
+        std::memcpy(words.data(), &instances.tail, sizeof instances.tail);
+        return words;
+    }
+
     [[nodiscard]] std::array<uint32_t, kDescriptorWords> plainDescriptor(const Part &part) const
     {
         std::array<uint32_t, kDescriptorWords> words{};
         words[2] = kDescriptorPlain;
         setBoxes(words, part.build);
-        words[2] |= static_cast<uint32_t>(part.descriptor.address % kDescriptorGenerations)
-                    << kDescriptorGenerationShift;
+        words[2] = kindWord(part, words[2]);
         if (part.driverBytes > 0) {
             const VkDeviceAddress end = beginOf(device_.driver, part.target()) + part.driverBytes;
             std::memcpy(words.data(), &end, sizeof end);
@@ -366,22 +394,13 @@ private:
 
     void writeTails(InjectedWork &work)
     {
-        const auto hasTail = [](const Part &p) { return !p.skipped && (p.tail || p.instances.count > 0); };
+        const auto hasTail = [](const Part &p) { return !p.skipped && p.tail; };
         if (std::none_of(parts_.begin(), parts_.end(), hasTail))
             return;
         work.barrier();
-        for (Part &part : parts_) {
-            if (!hasTail(part))
-                continue;
-            if (part.tail) {
+        for (const Part &part : parts_) {
+            if (hasTail(part))
                 writeRecords(work, part);
-            } else if (const InstanceTransfers &transfers = part.transfers; transfers.source) {
-                device_.driver.next.CmdCopyBuffer(commandBuffer_, transfers.source, transfers.structure, 1,
-                                                  &transfers.toTail);
-            } else {
-                part.instances.pass = 1;
-                work.dispatch(InjectedShader::TlasInstances, part.instances, part.instances.count, 64);
-            }
         }
         work.barrier();
     }

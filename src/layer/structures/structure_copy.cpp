@@ -10,6 +10,7 @@
 #include "layer/structures/device_structures.h"
 #include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_layout.h"
+#include "layer/structures/top_level_instances.h"
 
 namespace vellum::layer
 {
@@ -99,35 +100,33 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
                              "dst is too small for any top-level structure");
     const auto slots = slotsFor(device.objects, target, layout.count);
     const auto state = device.commands.states.get(commandBuffer);
-    const VkDeviceAddress scratch = state ? state->scratch.allocate(alignUp(layout.scratchBytes(), kPartAlignment)) : 0;
+    const VkDeviceAddress scratch = state ? state->scratch.allocate(alignUp(layout.scratchBytes, kPartAlignment)) : 0;
     if (!slots || !scratch)
         return rejectCommand(device.driver, command, target.handle, "VELLUM-out-of-memory",
                              "no slots or no scratch memory for the copy");
     device.commands.states.keep(commandBuffer, slots->use());
-    becomesTopLevel(target, layout.count, layout.bytes());
-    TlasInstancesPush push{};
+    becomesTopLevel(target, layout.count, layout.tailOffset);
+    TlasGatherPush push{};
     push.source = source;
-    push.target = scratch + alignUp(layout.driverScratch, kPartAlignment);
     push.root = device.objects.root.address();
     push.tail = beginOf(device.driver, target) + layout.tailOffset;
     push.descriptor = descriptorOf(device.objects, target).address;
     push.count = layout.count;
     push.firstSlot = slots->first();
     push.from = from;
-    const uint32_t invocations = std::max(layout.count, 1u);
-    if (!work.dispatch(InjectedShader::TlasInstances, push, invocations, 64))
+    if (!work.dispatch(InjectedShader::TlasGather, push, std::max(layout.count, 1u), 64))
         return false;
-    work.barrier(true); // the host reads the descriptor
-    TopLevelBuild build(kTopLevelCopyFlags, push.target);
-    build.info.dstAccelerationStructure = exactSizeHandle(device, target, layout.bytes());
+    work.barrier();
+    if (!patchInstances(work, device, *slots, layout.count, push.tail, push.tail, InstanceSource::Copy))
+        return false;
+    work.barrier(true); // the host reads the descriptor and the counters of errors
+    TopLevelBuild build(kTopLevelCopyFlags, push.tail);
+    build.info.dstAccelerationStructure = exactSizeHandle(device, target, layout.tailOffset);
     build.info.scratchData.deviceAddress = scratch;
     const VkAccelerationStructureBuildRangeInfoKHR range{layout.count, 0, 0, 0};
     const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;
     device.driver.next.CmdBuildAccelerationStructuresKHR(commandBuffer, 1, &build.info, &ranges);
     work.barrier();
-    push.pass = 1;
-    work.dispatch(InjectedShader::TlasInstances, push, invocations, 64);
-    work.barrier(true); // the host reads the counters of errors
     return true;
 }
 
@@ -170,7 +169,8 @@ void recordStructureCopy(DeviceStructures &device, VkCommandBuffer commandBuffer
         state->scratch.restart();
     InjectedWork work(device.commands, commandBuffer);
     const bool top = copy.type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
-    if (!work.prepare(top ? InjectedShader::TlasInstances : InjectedShader::StructureCopy))
+    if (!(top ? work.prepare(InjectedShader::TlasGather) && work.prepare(InjectedShader::TlasInstances)
+              : work.prepare(InjectedShader::StructureCopy)))
         return;
     work.barrier();
     if (top) {

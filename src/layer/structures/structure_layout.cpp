@@ -82,7 +82,7 @@ TopLevelLayout::TopLevelLayout(const Driver &driver, VkBuildAccelerationStructur
         driver.next.GetAccelerationStructureBuildSizesKHR(
             driver.handle, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &build.info, &count, &sizes);
         driverBytes = std::max(driverBytes, sizes.accelerationStructureSize);
-        driverScratch = std::max(driverScratch, sizes.buildScratchSize);
+        scratchBytes = std::max(scratchBytes, sizes.buildScratchSize);
     };
     measure(kTopLevelCopyFlags);
     if (topLevelFlags(flags) != kTopLevelCopyFlags)

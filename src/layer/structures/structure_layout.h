@@ -23,9 +23,6 @@ void hideMicromaps(StructureBuild &build);
 VkDeviceSize bottomLevelTailBytes(const StructureBuild &build, const uint32_t *primitives);
 
 // --- top level ---
-// Alignment of the instances that the driver builds from, which follow its scratch memory.
-inline constexpr VkDeviceSize kPatchedAlignment = 64;
-
 // Of copies, which are builds: the source may have the flag, which only the device knows.
 inline constexpr VkBuildAccelerationStructureFlagsKHR kTopLevelCopyFlags =
     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
@@ -36,8 +33,8 @@ struct TopLevelLayout {
     TopLevelLayout(const Driver &driver, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count);
 
     uint32_t count;
-    VkDeviceSize driverScratch = 0; // that the driver needs, before the instances that it builds from
-    VkDeviceSize tailOffset = 0;    // of the instances that are kept, after the driver's part
+    VkDeviceSize scratchBytes = 0; // the driver's
+    VkDeviceSize tailOffset = 0;   // of the instances, after the driver's part, which is not larger
     [[nodiscard]] VkDeviceSize bytes() const
     {
         return tailOffset + VkDeviceSize{count} * sizeof(VkAccelerationStructureInstanceKHR);
@@ -47,10 +44,6 @@ struct TopLevelLayout {
     {
         return alignUp(bytes() + kPartAlignment - shared::kTopLevelSizeMark, kPartAlignment) - kPartAlignment +
                shared::kTopLevelSizeMark;
-    }
-    [[nodiscard]] VkDeviceSize scratchBytes() const
-    {
-        return driverScratch + kPartAlignment + VkDeviceSize{count} * sizeof(VkAccelerationStructureInstanceKHR);
     }
 };
 // The largest number of instances that a structure of that size can hold.

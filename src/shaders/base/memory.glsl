@@ -7,6 +7,33 @@ layout(buffer_reference, std430, buffer_reference_align = 4) buffer Words { uint
 // Words for a reader outside the invocation that wrote them: memoryBarrierBuffer() orders only coherent stores.
 layout(buffer_reference, std430, buffer_reference_align = 4) coherent buffer CoherentWords { uint w[]; };
 
+// Two adjacent words are declared as an address: a CPU driver loads and stores each member of a vector lane by lane, and an
+// address at once. The type that it points to is aligned to 8 bytes because glslang uses that as the alignment of the access,
+// which must not be less than 8 (VUID-StandaloneSpirv-PhysicalStorageBuffer64-06314). The address is in a structure because
+// glslang declares RuntimeDescriptorArray for a runtime array of addresses, and devices need not support that.
+layout(buffer_reference, std430, buffer_reference_align = 8) buffer Eight { uint w[]; };
+struct Pair {
+    Eight words;
+};
+layout(buffer_reference, std430, buffer_reference_align = 8) buffer Pairs { Pair at[]; };
+// Pairs that the host may change while shaders read them.
+layout(buffer_reference, std430, buffer_reference_align = 8) readonly volatile buffer ChangingPairs { Pair at[]; };
+
+uvec2 pairAt(uvec2 address, uint i)
+{
+    return uvec2(Pairs(address).at[i].words);
+}
+
+void storePair(uvec2 address, uint i, uvec2 pair)
+{
+    Pairs(address).at[i].words = Eight(pair);
+}
+
+uvec2 changingPairAt(uvec2 address, uint i)
+{
+    return uvec2(ChangingPairs(address).at[i].words);
+}
+
 // `other`, an address that can be read, in place of a null address that no active invocation loads from. Lavapipe 26 loads
 // from an address that is the same for all invocations even if none is active: in a branch that is not taken, and once more
 // when a loop has ended.

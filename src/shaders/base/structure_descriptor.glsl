@@ -45,43 +45,38 @@ void storeDescriptor(uvec2 address, Descriptor descriptor)
     c.w[7] = descriptor.extra.y;
 }
 
-// Words that the host may change, two at a time, while shaders read them.
-layout(buffer_reference, std430, buffer_reference_align = 4) readonly volatile buffer ChangingWords { uint w[]; };
-
-// Two words that the host writes at once. The shader reads one after the other, and repeats this until it reads the same
+// A pair that the host writes at once. The shader may read one word after the other, and repeats this until it reads the same
 // pair twice: the pair never returns to an earlier value.
-uvec2 changingPair(uvec2 words, uint at)
+uvec2 changingPair(uvec2 address, uint i)
 {
-    ChangingWords c = ChangingWords(words);
-    uvec2 pair = uvec2(c.w[at], c.w[at + 1u]);
+    uvec2 pair = changingPairAt(address, i);
     for (;;) {
-        const uvec2 again = uvec2(c.w[at], c.w[at + 1u]);
+        const uvec2 again = changingPairAt(address, i);
         if (again == pair)
             return pair;
         pair = again;
     }
 }
 
-// Address of the descriptor of a key in the hash table (core/records.h) that the root table leads to; 0: not found.
+// Address of the descriptor of a key in the hash table (core/records.h) that the root table leads to; 0: not found. The table
+// always has an empty bucket.
 uvec2 findDescriptor(uvec2 root, uvec2 key)
 {
-    if ((key.x | key.y) == 0u || (key.x & key.y) == ~0u) // empty and deleted entries
-        return uvec2(0);
-    const uvec2 address = changingPair(root, kRootHashTable); // changes when the table grows
-    Words table = Words(address);
-    const uint mask = table.w[0];
-    uint bucket = hashReference(key.x, key.y) & mask;
-    for (uint probes = 0u; probes <= mask; ++probes) {
-        const uint at = kHashHeaderWords + bucket * kHashBucketWords;
-        const uvec2 found = uvec2(table.w[at], table.w[at + 1u]);
-        // The halves of two other keys, of which one has replaced the other, may look like this key.
-        if (found == key && changingPair(address, at) == key)
-            return uvec2(table.w[at + 2u], table.w[at + 3u]);
-        if ((found.x | found.y) == 0u)
-            break;
-        bucket = (bucket + 1u) & mask;
-    }
-    return uvec2(0);
+    const uvec2 table = changingPair(root, kRootHashTable / 2u); // changes when the table grows
+    const uint mask = Words(table).w[0];
+    uint bucket = hashReference(key.x, key.y);
+    uint at;
+    uvec2 found;
+    // Read twice: the halves of two other keys, of which one has replaced the other, may look like this key.
+    uvec2 again;
+    do {
+        at = (bucket & mask) * (kHashBucketWords / 2u) + kHashHeaderWords / 2u;
+        found = changingPairAt(table, at);
+        again = changingPairAt(table, at);
+        ++bucket;
+    } while ((found != key || again != key) && (found.x | found.y) != 0u);
+    const bool isKey = (found.x | found.y) != 0u && (found.x & found.y) != ~0u; // of no empty or deleted bucket
+    return isKey ? pairAt(table, at + 1u) : uvec2(0);
 }
 
 uvec2 addressMinus(uvec2 a, uvec2 b)

@@ -4,16 +4,6 @@
 
 layout(buffer_reference, std430, buffer_reference_align = 16) buffer Quads { uvec4 at[]; };
 
-// Two adjacent words are declared as an address: a CPU driver loads and stores each member of a vector lane by lane, and an
-// address at once. The type that it points to is aligned to 8 bytes because glslang uses that as the alignment of the access,
-// which must not be less than 8 (VUID-StandaloneSpirv-PhysicalStorageBuffer64-06314). The address is in a structure because
-// glslang declares RuntimeDescriptorArray for a runtime array of addresses, and devices need not support that.
-layout(buffer_reference, std430, buffer_reference_align = 8) buffer Eight { uint w[]; };
-struct Pair {
-    Eight words;
-};
-layout(buffer_reference, std430, buffer_reference_align = 8) buffer Pairs { Pair at[]; };
-
 // A data unit of the input at an address that is a multiple of 4; `bytes` is 8 or 16.
 uvec4 loadAlignedUnit(uvec2 address, uint bytes)
 {

@@ -4,10 +4,12 @@
 // Serializes a top-level acceleration structure: its instances as the application wrote them, and one handle per instance.
 // The driver's serialized data would hold slots of this device.
 #include "shared.h"
+#include "opacity.h"
 #include "records.h"
 #include "base/memory.glsl"
 #include "base/structure_descriptor.glsl"
 #include "serialized.glsl"
+#include "instance.glsl"
 #include "push.h"
 
 layout(local_size_x = 64) in;
@@ -67,13 +69,14 @@ void main()
     for (uint i = me; i < descriptor.count; i += all) {
         for (uint u = 0u; u < kInstanceUnits; ++u) {
             const uint at = i * kInstanceUnits + u;
-            const uvec4 value = from.at[at];
-            to.at[at] = value;
-            sum += checkOf(value, at);
-            if (u + 1u == kInstanceUnits) {
+            uvec4 value = from.at[at];
+            if (u == kLastUnit) {
+                value.xy = originalWords(push.root, value.xy);
                 handles.w[2u * i] = value.z;
                 handles.w[2u * i + 1u] = value.w;
             }
+            to.at[at] = value;
+            sum += checkOf(value, at);
         }
     }
     atomicAdd(b.w[kBlockHeaderChecksum], sum);

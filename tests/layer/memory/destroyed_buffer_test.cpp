@@ -117,35 +117,6 @@ TEST_F(DestroyedBuffers, OfMicromaps)
     destroyMicromap(gpu(), micromap);
 }
 
-// Instances are copied for the driver, by their buffer.
-TEST_F(DestroyedBuffers, OfInstances)
-{
-    const Patchwork patchwork(gpu());
-    const Blas blas(gpu(), patchwork.geometries());
-    const auto expected = seenOf(gpu(), blas);
-    const std::array instances{instance(blas, {}, 77)};
-    Tlas tlas(gpu());
-    tlas.prepare(instances);
-    Decoys decoys(gpu());
-    VkAccelerationStructureBuildGeometryInfoKHR info = tlas.buildInfo();
-    auto sizes = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
-    const uint32_t one = 1;
-    gpu().vk().GetAccelerationStructureBuildSizesKHR(gpu().device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
-                                                     &info, &one, &sizes);
-    const Shadowed input = upload(decoys, instances.data(), sizeof instances);
-    const Shadowed temporary = scratch(decoys, sizes.buildScratchSize);
-    VkAccelerationStructureGeometryKHR geometry = info.pGeometries[0];
-    geometry.geometry.instances.data.deviceAddress = input.address();
-    info.pGeometries = &geometry;
-    info.scratchData.deviceAddress = temporary.address();
-    gpu().submit([&](VkCommandBuffer commands) {
-        const VkAccelerationStructureBuildRangeInfoKHR *ranges = tlas.ranges();
-        gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
-        decoys.destroy();
-    });
-    EXPECT_EQ(seen(gpu(), tlas, Patchwork::rays()), expected);
-}
-
 class DestroyedBuffersByAddress : public DestroyedBuffers
 {
 protected:
