@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "gpu/device.h"
 
@@ -12,6 +13,9 @@ namespace vellum::render
 {
 
 enum class Trace { Query, Pipeline };
+
+// Those that the device has, in this order; at least one of a device that traces rays.
+std::vector<Trace> tracesOf(const gpu::DeviceInfo &device);
 
 // Where a way of tracing takes place.
 struct TraceStages {

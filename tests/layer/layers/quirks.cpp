@@ -44,6 +44,8 @@ std::span<const Quirk> allQuirks()
          "with 16 KiB of shared memory"},
         {"few", Level::Limits,
          "neither nullDescriptor nor indexTypeUint8 nor drawIndirectCount (Feature Requirements)"},
+        {"noqueries", Level::Limits,
+         "no VK_KHR_ray_query, as GPUs for computing have it: rays are traced by ray tracing pipelines alone"},
         {"queues", Level::Queues,
          "queue families for graphics, graphics and compute, compute, and transfers, in this order (Physical Devices)"},
         {"structures", Level::Structures,
