@@ -23,7 +23,8 @@ namespace
 
 const vt::Labels kLabels{{"Probes.*", "threads forcing"}, {"SynchronizedQueue.*", "threads one_api"}};
 
-// On a fresh device: nothing was tried yet. The validation layer below checks who uses the queue at the same time.
+// On a new device, on which no quirk was probed. The validation layer below checks that no two threads use the queue at
+// the same time.
 class Probes : public GpuTest
 {
 protected:
@@ -106,7 +107,7 @@ TEST_F(Probes, CreationOfShadersDoesNotWaitForTheQueue)
 }
 
 // On a queue that the driver synchronizes (VK_KHR_internally_synchronized_queues), other threads may submit while one
-// waits for it, which may be what it waits for.
+// waits for it, and it may wait for what they submit.
 TEST(SynchronizedQueue, SubmissionWhileAnotherThreadWaits)
 {
     Gpu gpu(Options{.validation = false});

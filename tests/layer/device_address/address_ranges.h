@@ -26,7 +26,7 @@ inline VkStridedDeviceAddressRangeKHR rangeOf(const Buffer &buffer, VkDeviceSize
     return {buffer.address() + offset, size, stride};
 }
 
-// Two buffers in the same memory, at the same address.
+// Two buffers bound to the same memory, so at the same address.
 class Aliases
 {
 public:
@@ -113,7 +113,8 @@ protected:
         }
         EXPECT_TRUE(reported) << "nobody complained: " << rule;
     }
-    // What does no harm: told once, and done, unless the layer is strict. Returns whether it is done.
+    // A tolerated fault: one warning, and the command is executed unless the layer is strict. Returns true if it is
+    // executed.
     bool done(const std::string &rule, const std::function<void(VkCommandBuffer)> &record)
     {
         gpu().submit(record);

@@ -9,7 +9,7 @@
 namespace
 {
 
-// Of all suites in this folder.
+// The labels of all suites in this folder.
 const vt::Labels kLabels{{"Address*.*", "one_api strict_ext"}};
 
 using namespace vt;
@@ -85,7 +85,8 @@ TEST_F(AddressCopies, SecondaryCommandBuffers)
     EXPECT_EQ(bytesOf(to), bytesOf(from));
 }
 
-// Of buffers at the same address, the one whose usage allows it; whichever the address was asked of.
+// Of two buffers at the same address, the layer uses the one whose usage allows the command, whichever of them the
+// address was queried from.
 TEST_F(AddressCopies, AliasesWithDifferentUsage)
 {
     for (const size_t asked : {0u, 1u}) {
@@ -130,7 +131,7 @@ TEST_F(AddressCopies, DestroyedAliases)
         EXPECT_EQ(word, 0x12345678u);
 }
 
-// Of a secondary command buffer, which is recorded once and executed by two primary ones.
+// A secondary command buffer is recorded once and executed by two primary ones.
 TEST_F(AddressCopies, DestroyedAliasesInSecondaryCommandBuffers)
 {
     Decoys decoys(gpu());
@@ -250,7 +251,7 @@ public:
         vkDestroyImage(gpu_.device(), image_, nullptr);
         vkFreeMemory(gpu_.device(), memory_, nullptr);
     }
-    // One layer is in VK_IMAGE_LAYOUT_GENERAL, the others are in `optimal`.
+    // Image layer `layer` is in VK_IMAGE_LAYOUT_GENERAL, the others are in `optimal`.
     static VkImageLayout layoutOf(uint32_t layer, VkImageLayout optimal)
     {
         return layer == 1 ? VK_IMAGE_LAYOUT_GENERAL : optimal;
@@ -480,7 +481,7 @@ TEST_F(AddressQueries, OfTheLayer)
     gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), structure, nullptr);
 }
 
-// --- VK_AMD_buffer_marker, which the spy has where it is asked to ---
+// --- VK_AMD_buffer_marker, which the spy provides on request ---
 
 class AddressMarkers : public AddressTest
 {

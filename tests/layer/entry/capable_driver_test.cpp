@@ -21,7 +21,7 @@ protected:
     void buildIndirectly(const Structure &structure, std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges,
                          std::vector<uint32_t> most)
     {
-        // Each range is followed by as much that is none.
+        // After each range is an invalid one, which the stride skips.
         std::vector<VkAccelerationStructureBuildRangeInfoKHR> strided;
         for (const auto &range : ranges) {
             strided.push_back(range);
@@ -121,7 +121,7 @@ TEST_F(CapableDriver, IndirectTopLevel)
         buildIndirectly(indirect, {{2, skipped, 0, 0}}, {4});
         const auto seenBefore = vt::seen(gpu(), indirect, rays);
         EXPECT_EQ(seenBefore, vt::seen(gpu(), direct, rays));
-        // The same structure again, with more.
+        // The same structure again, with more triangles.
         buildIndirectly(indirect, {{4, 0, 0, 0}}, {4});
         EXPECT_NE(vt::seen(gpu(), indirect, rays), seenBefore);
         buildIndirectly(indirect, {{0, 0, 0, 0}}, {4});

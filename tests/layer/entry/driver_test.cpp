@@ -25,8 +25,8 @@ private:
     const char *name_;
 };
 
-// Of memory that is local to the device and visible to the host there is little, on some: the layer's tables go
-// elsewhere then.
+// Some devices have little memory that is both local to the device and visible to the host: without it, the layer's
+// tables are in other memory.
 TEST(Driver, WithoutLocalMemoryLeft)
 {
     std::unique_ptr<Gpu> gpu;
@@ -84,7 +84,7 @@ void nameMicromap(Api api)
     set(VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(blas.handle()));
     for (const Message &m : gpu.takeUnexpectedMessages())
         ADD_FAILURE() << m.id << ": " << m.text;
-    // The spy would have told.
+    // The spy would have reported it.
     const auto stranger = reinterpret_cast<uint64_t>(&gpu);
     auto marker = vkInit<VkDebugMarkerObjectNameInfoEXT>(
         {.objectType = VK_DEBUG_REPORT_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR_EXT,
@@ -105,8 +105,8 @@ TEST(Driver, NamesOfMicromapStructuresStayInTheLayer)
     nameMicromap(Api::Khr);
 }
 
-// 1,000 triangles that share the data of one: as much as the usage counts have space for would reach from the data into
-// the micromap behind it, in the same buffer. Transfers must not overlap; the validation layer would tell.
+// 1,000 triangles that share the data of one. The usage counts would allow data that reaches into the micromap behind
+// it, in the same buffer. Transfers must not overlap; the validation layer would report it.
 TEST(Driver, InputAndMicromapInOneBuffer)
 {
     Gpu gpu(Options{.api = Api::Ext});
@@ -144,7 +144,7 @@ TEST(Driver, InputAndMicromapInOneBuffer)
         ADD_FAILURE() << m.id << ": " << m.text;
 }
 
-// What messages that an application sends itself name: object by object, by VK_EXT_debug_utils and, the last one, by
+// The objects that a message names which the application submits itself: by VK_EXT_debug_utils and, the last one, by
 // VK_EXT_debug_report.
 using Named = std::vector<std::pair<int, uint64_t>>;
 
@@ -224,8 +224,8 @@ TEST(Driver, MessagesOfTheApplicationNameNoMicromaps)
     }
 }
 
-// Copies of query results are recorded with memory of the layer's: not with an allocation each, of which there may be
-// no more than maxMemoryAllocationCount.
+// Copies of query results need memory of the layer. They share allocations, as there may be no more than
+// maxMemoryAllocationCount.
 TEST(Driver, ManyCopiesOfQueryResults)
 {
     Gpu gpu(Options{.api = Api::Ext});
@@ -255,8 +255,8 @@ TEST(Driver, ManyCopiesOfQueryResults)
         ADD_FAILURE() << m.id << ": " << m.text;
 }
 
-// VK_NV_displacement_micromap is built on the driver's own VK_EXT_opacity_micromap, and its structures carry a
-// VkMicromapEXT: beside emulated micromaps there is none.
+// VK_NV_displacement_micromap builds on the driver's own VK_EXT_opacity_micromap, and its structures carry a
+// VkMicromapEXT. The layer does not offer it if it emulates micromaps.
 TEST(Driver, NoDisplacementBesideEmulation)
 {
     const Environment force("VELLUM_IMPLEMENTATION", "emulated");
@@ -302,7 +302,7 @@ TEST(Driver, NoDisplacementBesideEmulation)
     EXPECT_EQ(reported, std::vector<std::string>{"VELLUM-conflicting-extension"});
 }
 
-// The driver has both, but with an extension that it lacks micromaps are the layer's.
+// The driver has both, but lacks an extension that is needed to translate, so micromaps are emulated.
 TEST(Driver, NoDisplacementBesideWhatTheDriverLacks)
 {
     auto gpu = std::make_unique<Gpu>(Options{.validation = false, .quirks = "displacement", .api = Api::Khr});
@@ -339,7 +339,7 @@ constexpr Conflicting kConflicting[]{
     {"VK_AMDX_dense_geometry_format", 1000478000, true},
     {"VK_EXT_descriptor_heap", 1000135009, true},
 };
-// As long as the longest of them.
+// Large enough for each of them.
 struct ConflictingFeatures {
     VkStructureType sType;
     void *pNext = nullptr;
@@ -410,7 +410,7 @@ TEST(Driver, ExtensionsThatConflictWithMicromaps)
             EXPECT_EQ(createDevice(gpu, {one.extension}, &alone), VK_SUCCESS);
             std::vector<const char *> both = ours;
             both.push_back(one.extension);
-            // What the query returned, which is what vkd3d-proton enables.
+            // The features that the query returned, as vkd3d-proton enables them.
             EXPECT_EQ(createDevice(gpu, both, &micromaps) == VK_SUCCESS, !conflicts || one.features != 0);
             warningsOf(gpu);
             micromaps.pNext = &alone;
@@ -425,7 +425,7 @@ TEST(Driver, ExtensionsThatConflictWithMicromaps)
                 EXPECT_NE(m.text.find("VK_KHR_opacity_micromap"), std::string::npos) << m.text;
             }
         }
-        // Without KHR, injected work is what remains on a translated device.
+        // Without KHR, a translated device differs only by injected work.
         ConflictingFeatures heap{static_cast<VkStructureType>(1000135009), nullptr, VK_TRUE};
         EXPECT_EQ(createDevice(gpu, {ours[0], ours[1], ours[2], "VK_EXT_descriptor_heap"}, &heap),
                   VK_ERROR_EXTENSION_NOT_PRESENT);
@@ -436,8 +436,8 @@ TEST(Driver, ExtensionsThatConflictWithMicromaps)
     }
 }
 
-// An extension for ray tracing that the layer does not know may build structures, or trace rays, in a way that it does
-// not see.
+// An unknown extension for ray tracing may build structures, or trace rays, by commands that the layer does not
+// intercept.
 TEST(Driver, UnknownExtensionForRayTracing)
 {
     Gpu gpu(Options{.validation = false, .spy = false, .quirks = "vendors", .micromaps = false, .api = Api::Khr});
@@ -457,7 +457,8 @@ TEST(Driver, UnknownExtensionForRayTracing)
     EXPECT_EQ(std::ranges::count(messages, "VELLUM-unknown-extension", &Message::id), 1);
 }
 
-// A device of several physical devices, of which lavapipe has one: the layer rejects it before the driver is asked.
+// The layer rejects a device with a group of physical devices before it calls the driver. On lavapipe, the group has
+// one.
 TEST(Driver, GroupOfPhysicalDevices)
 {
     for (const Api api : {Api::Ext, Api::Khr}) {

@@ -101,7 +101,7 @@ public:
         while (calls_ < count)
             std::this_thread::yield();
     }
-    // From now on none is in the layer.
+    // After this call, no thread is in the layer.
     void rest(size_t count)
     {
         busy_ = false;

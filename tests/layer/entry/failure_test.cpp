@@ -3,9 +3,9 @@
 // by a result or a message, nothing leaks, and the same works once there is memory again.
 #include <algorithm>
 
+#include "command_buffer/state_scene.h"
 #include "gpu/copies.h"
 #include "gpu/pipeline_tracer.h"
-#include "command_buffer/state_scene.h"
 #include "harness/harness.h"
 #include "harness/mock_driver.h"
 #include "harness/states.h"
@@ -97,7 +97,7 @@ protected:
     {
         failEach([&](const WhileItFails &whileItFails) {
             gpu().submit([&](VkCommandBuffer commands) { whileItFails([&] { record(commands); }); });
-            gpu().submit([](VkCommandBuffer) {}); // what shaders found is told when the next one begins
+            gpu().submit([](VkCommandBuffer) {}); // findings of shaders are reported with the next submission
             return true;
         });
     }
@@ -107,7 +107,7 @@ protected:
     bool hasOtherPath_ = false;     // that need not be reported: the smaller allocation, a shader for any driver
 };
 
-// Whose ray flags come from a buffer: the driver is tried with a ray.
+// Its ray flags come from a buffer, so the layer probes the driver with a ray.
 TEST_F(Failures, ShaderModule)
 {
     const std::vector<uint32_t> code = gpu().code(tracer_comp);
@@ -319,7 +319,7 @@ protected:
     FailuresUnvalidated() : Failures({.validation = false, .quirks = "failures"}) {}
 };
 
-// What is recorded is lost with the device, and everything can be destroyed.
+// Recorded work is lost with the device, and everything can be destroyed.
 TEST_F(FailuresUnvalidated, DeviceLost)
 {
     StateScene scene(gpu());

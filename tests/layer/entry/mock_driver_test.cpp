@@ -20,7 +20,7 @@ protected:
             Options{.vellum = false, .validation = false, .spy = false, .quirks = quirks, .micromaps = false});
     }
     Gpu &gpu() { return *gpu_; }
-    // One message from the driver, with that in it.
+    // Expects messages of the driver only, each of which contains `part`.
     void expectReported(const std::string &part)
     {
         const auto messages = gpu().takeMessages();
@@ -72,7 +72,7 @@ TEST_F(MockDriver, FewPushConstants)
     expectReported("size-00298");
 }
 
-// Which another device of the process gets, as one that tests share does.
+// Another device of the process receives the messages, as the device that tests share does.
 TEST_F(MockDriver, MessagesOfOtherTestsAreDropped)
 {
     Gpu shared(Options{.vellum = false, .validation = false, .spy = false, .quirks = "push128", .micromaps = false});

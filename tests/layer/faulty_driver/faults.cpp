@@ -217,9 +217,10 @@ std::span<const Quirk> allFaults()
         // commands.cpp
         {"null-record-skips-any-hit", Level::Commands, "no any-hit shader runs where a hit table has a null record",
          "RADV, which compiles the table into one shader"},
-        {"hit-stride-of-misses", Level::Commands, "vkCmdTraceRaysKHR takes the stride of hit records from the miss region",
-         "two adjacent parameters"},
-        {"record-data-lost", Level::Commands, "the data of hit records is zero", "copies of hit tables that convert handles"},
+        {"hit-stride-of-misses", Level::Commands,
+         "vkCmdTraceRaysKHR takes the stride of hit records from the miss region", "two adjacent parameters"},
+        {"record-data-lost", Level::Commands, "the data of hit records is zero",
+         "copies of hit tables that convert handles"},
         {"first-hit-table-stays", Level::Commands, "all traces of a command buffer use the hit table of its first",
          "state that is set once for each command buffer"},
         {"library-stages-unused", Level::Commands,
@@ -250,8 +251,8 @@ std::span<const Quirk> allFaults()
     return faults;
 }
 
-// What the specification allows and lavapipe does not do, and where it says so. A check that reports one of these as a
-// failure is wrong.
+// Behaviour that the specification allows but lavapipe does not show, with the text that allows it. A check that
+// reports one of these as a failure is wrong.
 std::span<const Quirk> allFreedoms()
 {
     static constexpr Quirk freedoms[]{
@@ -298,8 +299,8 @@ std::span<const NamedLevel> allLevels()
 
 } // namespace driver
 
-// For tests and scripts, which find it in this library. Member 0 of fault i is its name, 1 what is wrong, 2 what it
-// imitates, 3 the quirks that it needs; null behind the last fault.
+// Tests and scripts look this up in the library. Member 0 of fault i is its name, 1 what is wrong, 2 what it imitates,
+// 3 the quirks that it needs; null after the last fault.
 extern "C" __attribute__((visibility("default"))) const char *vellumFault(unsigned i, unsigned member);
 extern "C" const char *vellumFault(unsigned i, unsigned member)
 {

@@ -32,7 +32,7 @@ struct OneFeature {
     VkBool32 enabled;
 };
 
-// What the driver can report about a pipeline without its code. Stages count with their entry points.
+// The driver's report about a pipeline without its code. Stages include their entry points.
 struct Shape {
     std::vector<std::string> stages;
     std::vector<std::array<uint32_t, 5>> groups;

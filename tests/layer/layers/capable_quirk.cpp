@@ -55,7 +55,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreat
     return DRIVER_NEXT(vkCreateBuffer)(handle, &plain, allocator, buffer);
 }
 
-// Which of them lie in buffers that can be replayed, nobody checks but Khronos' validation layer.
+// The creation flag for replay needs no check here: Khronos' validation layer checks the buffers.
 VKAPI_ATTR VkResult VKAPI_CALL createStructure(VkDevice handle, const VkAccelerationStructureCreateInfoKHR *info,
                                                const VkAllocationCallbacks *allocator,
                                                VkAccelerationStructureKHR *structure)

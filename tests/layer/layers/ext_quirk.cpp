@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Drivers that have micromaps, which lavapipe gets from a second copy of Vellum's layer below this one:
+// Drivers with micromaps, which a second copy of Vellum's layer below this one gives lavapipe:
 // - "ext": VK_EXT_opacity_micromap, and not VK_KHR_opacity_micromap, VK_ARM_pipeline_opacity_micromap or
 //   VK_KHR_device_address_commands. It reports every use of these, and of micromaps that are not its own.
 // - "khr": VK_KHR_opacity_micromap and VK_KHR_device_address_commands, and not the others.
-// - "emulating": a driver without micromaps to which applications' shaders are not what it runs: the copy emulates
-//   micromaps on each device, whether anybody requested them or not.
-// What may reach such devices otherwise is the spy's to tell (knowsMicromaps).
+// - "emulating": a driver without micromaps that does not run applications' shaders as they are: the copy emulates
+//   micromaps on each device, even if they are not enabled.
+// The spy checks what else may reach such devices (knowsMicromaps).
 #include "layers/driver.h"
 
 #include <atomic>
@@ -267,7 +267,7 @@ LevelRows extRows()
 
 } // namespace driver
 
-// For tests, which find it in this library: how many builds of micromaps drivers of the quirk "ext" were given.
+// Tests look this up in the library: the number of micromap builds that drivers of the quirk "ext" received.
 extern "C" __attribute__((visibility("default"))) uint64_t vellumExtBuilds();
 extern "C" uint64_t vellumExtBuilds()
 {

@@ -22,7 +22,7 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
                                               const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
 {
     const VkResult result = DRIVER_NEXT(vkAllocateMemory)(handle, info, allocator, memory);
-    // What is imported has its owner's content.
+    // Imported memory has its owner's content.
     const bool imported = inChain(info->pNext, VK_STRUCTURE_TYPE_IMPORT_MEMORY_HOST_POINTER_INFO_EXT) != nullptr ||
                           inChain(info->pNext, VK_STRUCTURE_TYPE_IMPORT_MEMORY_FD_INFO_KHR) != nullptr;
     if (result != VK_SUCCESS || imported || !has(keyOf(handle), "dirty"))

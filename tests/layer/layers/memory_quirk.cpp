@@ -133,8 +133,8 @@ struct Allocation {
     VkDeviceSize bytes = 0;
     VkMemoryPropertyFlags flags = 0;
     uint8_t *real = nullptr; // where it is mapped
-    // Of memory that is not coherent, what the host sees: neither side's writes are the other's without a flush or an
-    // invalidation. Whoever reads without one reads this pattern.
+    // The host's copy of memory that is not coherent: writes become visible to the other side only by a flush or an
+    // invalidation. A read without one returns this pattern.
     std::unique_ptr<std::vector<uint8_t>> host;
 };
 constexpr uint8_t kNeverInvalidated = 0xcd;

@@ -92,7 +92,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
     return result;
 }
 
-// What several families use is shared between those that the device has (VUID-VkBufferCreateInfo-sharingMode-00914,
+// The families of a concurrent resource must be families of the device (VUID-VkBufferCreateInfo-sharingMode-00914,
 // -01419).
 VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
                                             const VkAllocationCallbacks *allocator, VkBuffer *buffer)

@@ -58,7 +58,7 @@ std::span<const Quirk> allQuirks()
         {"uncached", Level::Memory,
          "memory types with DEVICE_COHERENT_BIT_AMD, which only devices with that feature may use, are all that is "
          "local to the device and host-visible"},
-#ifndef _WIN32 // where memory cannot be mapped in these ways
+#ifndef _WIN32 // where memory cannot be mapped this way
         {"elsewhere", Level::Addresses,
          "a structure's address is not that of its buffer, unless it is GENERIC "
          "(vkGetAccelerationStructureDeviceAddressKHR), and is given again; mapped memory is not at its device "

@@ -28,14 +28,13 @@ inline void tell(const std::string &text)
     driver::tell(text, "SPY");
 }
 
-// Whether it is of a device with the driver's own VK_EXT_opacity_micromap (quirk "ext"): then that extension is
-// welcome.
+// True if the device has the driver's own VK_EXT_opacity_micromap (quirk "ext"): the spy then accepts that extension.
 bool knowsMicromaps(void *key);
 
 void expectStages(void *key, const char *where, VkPipelineStageFlags2 stages);
 // A command buffer was begun: what it traces with must be its own if it may run twice at once.
 void noteUsage(VkCommandBuffer commands, VkCommandBufferUsageFlags usage);
-// There was a build in the command buffer.
+// Records that the command buffer contains a build.
 void noteBuild(VkCommandBuffer commands);
 
 #define SPY_FUNCTION(name) DRIVER_FUNCTION(name)

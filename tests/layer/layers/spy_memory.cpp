@@ -191,8 +191,7 @@ std::span<const Row> memory()
 
 } // namespace spy
 
-// For tests, which find it in this library: how many allocations of device memory there are, the layer's and the
-// tests'.
+// Tests look this up in the library: the number of current allocations of device memory, by the layer and the tests.
 extern "C" __attribute__((visibility("default"))) uint64_t vellumSpyAllocations();
 extern "C" uint64_t vellumSpyAllocations()
 {

@@ -25,7 +25,7 @@ VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags)
 constexpr VkFlags64 kDisallowMicromaps = VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM;
 constexpr VkFlags64 kDisallowMixed = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
 
-// What no kind of pipeline may have.
+// Flags that no kind of pipeline may have.
 void expectPromises(const char *where, VkFlags64 flags)
 {
     if ((flags & kDisallowMicromaps) != 0)
@@ -207,7 +207,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, uint32_t count, co
 
 // --- ray tracing pipelines ---
 
-// What the specification's formula for the default stack size needs (raytracing.adoc, "Ray Tracing Pipeline Stack").
+// The inputs of the specification's formula for the default stack size (raytracing.adoc, "Ray Tracing Pipeline Stack").
 struct StackNeed {
     VkDeviceSize raygen = 0, miss = 0, closestHit = 0, anyHit = 0, intersection = 0, callable = 0;
     uint32_t depth = 0;
@@ -324,8 +324,8 @@ VKAPI_ATTR void VKAPI_CALL cmdSetStackSize(VkCommandBuffer handle, uint32_t size
 
 // --- traces ---
 
-// What the traces of a command buffer with SIMULTANEOUS_USE read, which two queues may execute at once. No other trace
-// of it may have written that: then it would overlap, or have the same address.
+// The memory that the traces of a command buffer with SIMULTANEOUS_USE read. Two queues may execute it at once, so no
+// other trace in it may have written the same memory.
 struct TracedWith {
     std::vector<VkStridedDeviceAddressRegionKHR> hitTables;
     std::vector<VkDeviceAddress> commands;

@@ -43,7 +43,7 @@ std::map<VkAccelerationStructureKHR, std::pair<VkBuffer, uint64_t>> known;
 std::map<VkBuffer, uint64_t> destroyedBuffers;
 std::mutex knownMutex;
 
-// Whether it is the driver's; the spy reports the others.
+// True if the driver created it; the spy reports others.
 bool expectStructure(const char *where, VkAccelerationStructureKHR structure)
 {
     bool theDrivers = structure == VK_NULL_HANDLE;
@@ -161,7 +161,7 @@ VKAPI_ATTR VkResult VKAPI_CALL setTag(VkDevice handle, const VkDebugUtilsObjectT
                : VK_SUCCESS;
 }
 
-// Whether the driver has VK_EXT_debug_marker or not: lavapipe has not.
+// Offered on lavapipe, too, which lacks VK_EXT_debug_marker.
 VKAPI_ATTR VkResult VKAPI_CALL setMarkerName(VkDevice handle, const VkDebugMarkerObjectNameInfoEXT *info)
 {
     expectObject(keyOf(handle), "vkDebugMarkerSetObjectNameEXT", static_cast<VkObjectType>(info->objectType),

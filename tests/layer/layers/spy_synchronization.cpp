@@ -75,10 +75,9 @@ void expectDependency(void *key, const char *where, const VkDependencyInfo &info
     }
 }
 
-// Whoever waits for a build, waits for the stage of builds only: what the layer adds to a build by a transfer must be
-// ordered before what comes in that stage. And whoever makes a build wait, for a semaphore, makes it wait in that
-// stage: the transfer must wait for what comes before it in that stage.
-// A dispatch reads what a transfer before it wrote: the layer's, as it happens, always does.
+// Barriers and semaphores of an application name only the stage of builds. A transfer that the layer adds to a build
+// must therefore be ordered before later work in that stage, and after earlier work in it. A dispatch reads what an
+// earlier transfer wrote; this holds for all dispatches of the layer.
 struct Updates {
     bool built = false;       // there was a build in the command buffer
     bool pending = false;     // and then a transfer, and no barrier since
@@ -133,7 +132,7 @@ bool hasMarkers()
     return std::getenv("VELLUM_TEST_SPY_MARKER") != nullptr;
 }
 
-// Whether the driver has it or not: lavapipe has not.
+// Offered on lavapipe, too, which lacks the extension.
 VKAPI_ATTR void VKAPI_CALL cmdWriteBufferMarker2(VkCommandBuffer handle, VkPipelineStageFlags2 stage, VkBuffer buffer,
                                                  VkDeviceSize offset, uint32_t marker)
 {
@@ -285,7 +284,7 @@ std::span<const Row> synchronization()
         {"vkCmdWriteTimestamp2", SPY_FUNCTION(cmdWriteTimestamp2)},
         {"vkQueueSubmit2", SPY_FUNCTION(queueSubmit2)},
         {"vkCreateRenderPass2", SPY_FUNCTION(createRenderPass2)},
-        // By the first of them the layer knows that the extension is there.
+        // The layer detects the extension by the first of them.
         {"vkCmdWriteBufferMarkerAMD", SPY_FUNCTION(cmdWriteBufferMarker2), Row::Where::Always, hasMarkers},
         {"vkCmdWriteBufferMarker2AMD", SPY_FUNCTION(cmdWriteBufferMarker2), Row::Where::Always},
         {"vkCmdDispatchTileQCOM", SPY_FUNCTION(cmdDispatchTile), Row::Where::Always, hasVendorCommands},

@@ -29,7 +29,8 @@ VkBufferCreateInfo bufferInfo(VkBufferUsageFlags usage, const void *next = nullp
 class Buffers : public GpuTest
 {
 protected:
-    // Without the validation layer, which is older than some of the structures, and knows no protected lavapipe.
+    // Without the validation layer, which is older than some of the structures and does not support protected memory on
+    // lavapipe.
     explicit Buffers(const Options &options = {.validation = false}) : GpuTest(options) {}
 
     void create(const VkBufferCreateInfo &info)

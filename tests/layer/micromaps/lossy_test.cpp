@@ -156,7 +156,7 @@ TEST_F(Lossy, EveryLevelToEveryLower)
             input.add(level, kFourState, states);
         }
     }
-    // And level 12 to 2, by the most levels that there are.
+    // Level 12 is reduced to 2, across the largest number of levels.
     std::vector<uint8_t> largest(size_t{1} << 24);
     for (size_t i = 0; i < largest.size(); ++i)
         largest[i] = (i >> 20) % 3 == 0;
@@ -334,7 +334,7 @@ TEST_F(Lossy, RaysSeeTheStateOrAskForIt)
     EXPECT_GT(asked.back(), needed.back());
 }
 
-// Without levels above 2 there is nothing to gain.
+// Micromaps without levels above 2 cannot become smaller.
 TEST_F(Lossy, SmallTrianglesTakeNoMoreMemory)
 {
     MicromapInput input;
@@ -347,7 +347,7 @@ TEST_F(Lossy, SmallTrianglesTakeNoMoreMemory)
     EXPECT_EQ(inUse(lossy).size(), inUse(lossless).size());
 }
 
-// Told of as in a build without loss, and every other triangle is what it would be without the wrong ones.
+// Reported as in a lossless build; every other triangle has the state that it would have without the wrong ones.
 TEST_F(LossyValidated, WrongInput)
 {
     Random random(47);

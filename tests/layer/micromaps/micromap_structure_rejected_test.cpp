@@ -20,7 +20,7 @@ protected:
     MicromapStructureRejected() : micromap_(gpu(), eightStates(), kAllow) { micromap_.build(); }
     void TearDown() override
     {
-        // Nothing was harmed.
+        // The memory is unchanged.
         expectNoMessages();
         EXPECT_EQ(tracedMicromap(micromap_), kForwards);
         MicromapStructure::TearDown();
@@ -43,7 +43,7 @@ protected:
         EXPECT_EQ(std::vector<uint8_t>(target.memory(), target.memory() + target.size()), before);
     }
 
-    // Of a structure that a strict layer does not make.
+    // A structure that a strict layer does not create.
     void expectUsable(VkAccelerationStructureKHR handle)
     {
         EXPECT_EQ(handle == VK_NULL_HANDLE, strictTests());
@@ -54,7 +54,7 @@ protected:
         expectNoMessages();
         gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), handle, nullptr);
     }
-    // Of vkCreateAccelerationStructure2KHR, which a strict layer rejects.
+    // A tolerated vkCreateAccelerationStructure2KHR, which a strict layer rejects.
     void expectCreationDone(VkAccelerationStructureTypeKHR type, const VkDeviceAddressRangeKHR &range,
                             const std::string &rule)
     {
@@ -134,7 +134,7 @@ TEST_F(MicromapStructureRejected, GeometriesAndUsageCounts)
         b.usages[0] = {1, 13, VK_OPACITY_MICROMAP_FORMAT_2_STATE_KHR};
     });
     const VkBuildAccelerationStructureFlagsKHR lossy = VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
-    // No triangles of a level that there is not.
+    // A count of no triangles, at a level that does not exist.
     done(info + "subdivisionLevel-11564", [](StructureBuild &b) {
         b.usages.push_back({0, 1u << 31, VK_OPACITY_MICROMAP_FORMAT_4_STATE_KHR});
         b.data.pUsageCounts = b.usages.data();
@@ -207,12 +207,12 @@ TEST_F(MicromapStructureRejected, BuildsAndTheirMemory)
     rejected(command + "pInfos-03710", [](StructureBuild &b) { b.info.scratchData.deviceAddress += 2; });
     const Buffer little(gpu(), 16, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     rejected(command + "pInfos-12258", [&](StructureBuild &b) { b.info.scratchData.deviceAddress = little.address(); });
-    // Between two triangles lies what is none.
+    // The stride is too small: every other record is invalid.
     done("VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11646",
          [](StructureBuild &b) { b.data.triangleArrayStride = 4; }, {0, 2, 1, 2, 2, 2, 2, 2});
 }
 
-// A build that is rejected, beside ones that are done.
+// One rejected build among valid ones.
 TEST_F(MicromapStructureRejected, OneOfSeveral)
 {
     Micromap good(gpu(), eightStates(true));
@@ -249,7 +249,7 @@ TEST_F(MicromapStructureRejected, GeometriesThatNameThem)
         EXPECT_EQ(tracedBottom(blas.address()), kForwards);
     }
     EXPECT_EQ(tracedMicromap(fresh), kForwards);
-    // No micromap.
+    // A geometry with a null micromap.
     const Blas other(gpu(), {mapped(nullptr)});
     tracedMicromap(other.handle());
     expectRejected("VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter");
@@ -342,7 +342,7 @@ TEST_F(MicromapStructureRejected, Creation)
         for (const VkAccelerationStructureTypeKHR type : kTypes)
             expectCreationRefused(type, {address, size}, rule);
     };
-    // What lies in the buffer may be enough, and no driver looks at its usage.
+    // The part in the buffer may be enough, and drivers ignore the buffer's usage.
     constexpr const char *kInBuffer = "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603";
     for (const VkAccelerationStructureTypeKHR type : kTypes) {
         expectCreationDone(type, {memory.address(), 4097}, kInBuffer);
@@ -413,7 +413,7 @@ TEST_F(MicromapStructureRejected, QueryPoolsOfOtherTypes)
     }
 }
 
-// What only a micromap's build may leave out: VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543.
+// Only builds of micromaps may omit the ranges: VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543.
 TEST_F(MicromapStructureRejected, NoRangesOfABottomLevelStructure)
 {
     if (validationOfTests() == Validation::Above)
@@ -424,7 +424,7 @@ TEST_F(MicromapStructureRejected, NoRangesOfABottomLevelStructure)
     expectRejected("VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543");
 }
 
-// As the structure that is updated; a build ignores it.
+// The structure as source of an update; a build ignores it.
 TEST_F(MicromapStructureRejected, SourceOfAnUpdate)
 {
     Blas blas(gpu());

@@ -19,7 +19,7 @@ const vt::Labels kLabels{{"MicromapStructure.*", "one_api stacked forced"},
 
 using namespace vt;
 
-// In one command micromaps beside a bottom-level and a top-level structure, none of which needs another of them.
+// One command builds micromaps, a bottom-level and a top-level structure, which are independent of each other.
 TEST_F(MicromapStructure, BuiltBesideOtherStructures)
 {
     Micromap before(gpu(), eightStates());
@@ -143,7 +143,7 @@ TEST_F(MicromapStructure, GenericBecomesWhatIsBuilt)
         info.dstAccelerationStructure = generic.handle();
         build(info, blas.ranges());
         EXPECT_EQ(tracedBottom(generic.address()), kBackwards);
-        // No micromap any more: all is unknown.
+        // The structure no longer contains a micromap: every state is unknown.
         gpu().breaks("VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11624");
         EXPECT_EQ(tracedMicromap(generic.handle()), kPlain);
         const auto serialized = query(generic.handle(), VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR);
@@ -166,7 +166,7 @@ TEST_F(MicromapStructure, CopiesOfGenericStructures)
     const Placed compact(gpu(), kGeneric, compacted);
     copy(clone.handle(), compact.handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
     EXPECT_EQ(tracedMicromap(compact.handle()), kForwards);
-    // To one that was made as a micromap, and back.
+    // Copied to a structure created as a micromap, and back.
     const Placed named(gpu(), kMicromapType, compacted);
     copy(compact.handle(), named.handle());
     EXPECT_EQ(tracedMicromap(named.handle()), kForwards);
@@ -183,7 +183,7 @@ TEST_F(MicromapStructure, CopiesOfGenericStructures)
         EXPECT_EQ(numbers[0], data.size()) << "\"matching the value queried\"";
         EXPECT_EQ(numbers[2], 0u) << "handles of other structures";
         for (const VkAccelerationStructureTypeKHR type : {kGeneric, kMicromapType}) {
-            // Of the deserialized size, which is all that is known of the data.
+            // With the deserialized size, the only size that is known of the data.
             const Placed loaded(gpu(), type, numbers[1]);
             gpu().submit([&](VkCommandBuffer commands) {
                 recordMemoryToMicromap(gpu(), commands, data.address(), loaded.micromap());
@@ -229,7 +229,7 @@ TEST_F(MicromapStructureMaintenance, QueriesOfEveryKind)
             EXPECT_EQ(values[0], 64 + kCompacted);
             EXPECT_EQ(values[3], 64u + 64 + 2 * 16 + 64);
         } else {
-            // What a clone needs; the handles may be larger.
+            // The size that a clone needs; the handles may be larger.
             EXPECT_EQ(values[0], reportedSize(gpu(), kCompacted));
             EXPECT_EQ(values[3], reportedSize(gpu(), 64 + 2 * 16 + 64));
         }
@@ -466,14 +466,14 @@ TEST_F(MicromapStructureBoth, SerializedStructuresOfBothExtensions)
         SCOPED_TRACE(i);
         const auto back = deserialized(gpu(), serialized[i], kBottom);
         EXPECT_EQ(rows(*back), expected[i]);
-        // And once more from there.
+        // Serialized again.
         const Serialized again = serialize(gpu(), *back);
         EXPECT_EQ(again.total(), serialized[i].total());
         EXPECT_EQ(rows(*deserialized(gpu(), again, kBottom)), expected[i]);
     }
 }
 
-// Two devices, each with one of the extensions, at the same time.
+// Two devices at the same time, each with one of the extensions.
 TEST(MicromapStructureDevices, OneWithEachExtension)
 {
     for (const Api api : {Api::Ext, Api::Khr}) {

@@ -19,7 +19,7 @@ using namespace vt;
 constexpr uint8_t kGuard = 0xa5;
 constexpr VkDeviceSize kArenaBytes = 65536;
 
-// One buffer that everything lies in. Handles begin at an offset and reach to its end.
+// All objects are in one buffer. Handles begin at an offset and reach to its end.
 class Packing : public GpuTest
 {
 protected:

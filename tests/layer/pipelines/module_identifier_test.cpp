@@ -161,7 +161,7 @@ TEST_F(ModuleIdentifiers, OfAnotherDevice)
     EXPECT_TRUE(known(gpu(), tracer, ofModule(other, empty)));
 }
 
-// What was compiled without the layer would find wrong custom indices, and see no micromaps.
+// Code that was compiled without the layer would find wrong custom indices, and see no micromaps.
 TEST_F(ModuleIdentifiers, OfADeviceWithoutTheLayer)
 {
     Gpu bare(cachingDriver(false));
@@ -171,7 +171,7 @@ TEST_F(ModuleIdentifiers, OfADeviceWithoutTheLayer)
     EXPECT_FALSE(known(gpu(), tracer, ofModule(bare, tracer_comp)));
 }
 
-// Where the layer cannot replace it, the driver must not take it for one of its own.
+// If the layer cannot replace the identifier, the driver must not find a module of its own by it.
 TEST_F(ModuleIdentifiers, BehindAnUnknownStructure)
 {
     Gpu bare(cachingDriver(false));
@@ -184,7 +184,7 @@ TEST_F(ModuleIdentifiers, BehindAnUnknownStructure)
     }
 }
 
-// Both have the algorithm of the physical device.
+// Both use the algorithm of the physical device.
 TEST_F(ModuleIdentifiers, OfADeviceWithoutMicromaps)
 {
     Options options = cachingDriver();
@@ -213,7 +213,8 @@ TEST_F(ModuleIdentifiers, OfADeviceWithoutMicromaps)
     EXPECT_TRUE(known(later, laterTracer, query));
 }
 
-// What the layer cannot rewrite has no module on the device, and its identifier must not name what others compiled.
+// Code that the layer cannot rewrite has no module on the device, and its identifier must not match what others
+// compiled.
 TEST_F(ModuleIdentifiers, OfCodeThatCannotBeRewritten)
 {
     std::vector<uint32_t> broken = gpu().code(tracer_comp);
@@ -275,8 +276,8 @@ TEST_F(KeptIdentifiers, OfAnEarlierDevice)
     vkDestroyPipeline(gpu.device(), traces, nullptr);
 }
 
-// Once the driver knew it, a pipeline's key is that of the pipeline with its code; and what the driver has in its own
-// cache is found in whichever way it has to be looked for.
+// If the driver knew the identifier, the key of a pipeline equals that of the pipeline with its code, and the driver's
+// own cache is found by every lookup.
 TEST_F(KeptIdentifiers, InKeysAndCaches)
 {
     Identifier query;
@@ -376,7 +377,7 @@ protected:
         own.pStages = stages.data();
         return use(own);
     }
-    // Null where the driver is not asked, or does not know.
+    // Null if the driver does not know the identifiers.
     static VkPipeline named(Device &gpu, const PipelineSetup &setup)
     {
         const RayPipeline compiled(gpu, setup);

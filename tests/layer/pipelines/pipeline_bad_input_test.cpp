@@ -15,7 +15,7 @@ using namespace vt;
 class PipelineBadInput : public PipelineTest
 {
 protected:
-    // The validation layer is not there: it does not know these rules, and has others to say of what follows.
+    // Without the validation layer: it does not know these rules, and reports other ones for the consequences.
     explicit PipelineBadInput(const Options &options = {.validation = false}) : PipelineTest(options) {}
 
     // Tries to make it; the pipeline goes at once.
@@ -81,7 +81,7 @@ TEST_F(PipelineWithoutFeature, TheBit)
     expectFinding("VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597");
 }
 
-// Of the extension without its feature, pipelines use micromaps all the same.
+// If the extension is enabled without its feature, pipelines use micromaps nevertheless.
 TEST_F(PipelineWithoutFeature, WorksAllTheSame)
 {
     if (strictTests())
@@ -159,7 +159,7 @@ TEST_F(PipelineBadInput, LibrariesWithAndWithoutTheBitInAPipelineWithoutIt)
     }
 }
 
-// Neither the pipeline nor its library has so many stages.
+// The stage index exceeds the stages of the pipeline and its libraries.
 TEST_F(PipelineBadInput, StageThatIsNotThere)
 {
     for (const auto shader :
@@ -212,7 +212,7 @@ TEST_F(PipelineBadInput, OneOfThree)
     }
 }
 
-// What no module has: all that is expected is a message, and that the layer goes on.
+// No module has this entry point: a message is expected, and the layer must continue.
 TEST_F(PipelineBadInput, EntryPointThatIsNotThere)
 {
     for (const size_t stage : {0u, 2u, 3u, 4u}) {

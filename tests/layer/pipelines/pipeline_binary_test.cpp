@@ -125,7 +125,7 @@ TEST_F(PipelineBinaries, OfAQuery)
     vkDestroyPipeline(gpu().device(), pipeline, nullptr);
 }
 
-// With any-hit shaders of the application's and of the layer's, and a group of the layer's for null records.
+// With any-hit shaders of the application and of the layer, and a group of the layer for null records.
 TEST_F(PipelineBinaries, OfARayTracingPipeline)
 {
     for (const Way way : {Way::Pipeline, Way::Data, Way::Cache}) {
@@ -139,7 +139,7 @@ TEST_F(PipelineBinaries, OfARayTracingPipeline)
     }
 }
 
-// How hidden ray flags travel is in the code, which is not there any more: here they are constants in it.
+// How hidden ray flags are passed depends on the code, which a binary lacks: here they are constants in the code.
 TEST_F(PipelineBinaries, OfAPipelineWithConstantRayFlags)
 {
     for (const Way way : {Way::Pipeline, Way::Data}) {
@@ -231,7 +231,7 @@ TEST_F(PipelineBinaries, ThatTheDriverDoesNotHave)
     vkDestroyShaderModule(gpu().device(), module, nullptr);
 }
 
-// The driver is not asked: there are none.
+// The layer does not query the driver: there are no binaries.
 TEST_F(PipelineBinaries, OfAPipelineThatCannotBeMade)
 {
     const Tracer tracer(gpu());

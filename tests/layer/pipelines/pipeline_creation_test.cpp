@@ -27,7 +27,7 @@ protected:
         bool destroyUnjoined = false;
     };
 
-    // By that many threads. One of them, at least, finds the operation complete.
+    // Joins with that many threads. At least one of them finds the operation complete.
     void join(VkDeferredOperationKHR operation, uint32_t joiners)
     {
         std::vector<std::thread> threads;
@@ -95,8 +95,8 @@ protected:
     }
 };
 
-// Without the validation layer: 1.3.239 learns of a deferred pipeline when its result is queried, but the pipeline is
-// there, and ours inspects it, as soon as an operation is joined.
+// Without the validation layer: 1.3.239 records a deferred pipeline only when its result is queried, but Vellum uses
+// the pipeline as soon as an operation is joined.
 class PipelineCreationDeferred : public PipelineCreation
 {
 protected:
@@ -285,7 +285,7 @@ TEST_F(PipelineCreation, DestroyNothing)
     vkDestroyPipeline(gpu().device(), VK_NULL_HANDLE, nullptr);
 }
 
-// With a pipeline cache, twice: the second time from it.
+// Twice with a pipeline cache: the second pipeline is taken from it.
 TEST_F(PipelineCreation, Cache)
 {
     auto info = vkInit<VkPipelineCacheCreateInfo>();
@@ -339,7 +339,7 @@ TEST_F(PipelineCreation, StackSizes)
         const PipelineTracer with(gpu(), {.groups = groups});
         const PipelineTracer without(gpu(), {.groups = groups, .flags = 0});
         const StackSizes a = sizesOf(with.pipeline(), anyHit), b = sizesOf(without.pipeline(), anyHit);
-        // What our code adds is small; and no size is that of another group's shader, or none.
+        // The layer's code adds little, and no size is 0 or that of another group's shader.
         EXPECT_GE(a.total(), b.total());
         EXPECT_LT(a.total(), b.total() + 65536);
     }
@@ -371,7 +371,7 @@ TEST_F(PipelineCreation, StackSizeSetByTheApplication)
     }
 }
 
-// The same where the layer's any-hit shader for boxes is the only one it adds.
+// As above, if the layer's any-hit shader for boxes is the only one that it adds.
 TEST_F(PipelineCreation, StackSizeWithBoxesOnly)
 {
     PipelineTracer tracer(gpu(), {.groups = {{}, {.box = true, .anyHit = false}},

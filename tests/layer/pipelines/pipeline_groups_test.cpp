@@ -94,7 +94,7 @@ TEST_F(PipelineGroups, StagesOfTheirOwn)
     expectAll(tracer);
 }
 
-// The same stages in groups with and without their neighbours, hit in turns.
+// The same stages in groups with and without the other stages, hit in turns.
 TEST_F(PipelineGroups, OneStageInManyGroups)
 {
     const std::vector<TracerGroup> groups{{},
@@ -137,7 +137,7 @@ TEST_F(PipelineGroups, OneStageInManyGroups)
     }
 }
 
-// As many hit attributes as lavapipe has space for, in boxes' groups beside triangles' groups.
+// The largest hit attributes that lavapipe allows, in groups of boxes, with groups of triangles in the same pipeline.
 TEST_F(PipelineGroups, WideHitAttributes)
 {
     if (gpu().pipelineProperties().maxRayHitAttributeSize < 32)
@@ -163,7 +163,7 @@ TEST_F(PipelineGroups, WideHitAttributes)
     }
 }
 
-// No hit records at all, and rays that meet nothing.
+// Without hit records, traced with rays that hit nothing.
 TEST_F(PipelineGroups, NoHitRecords)
 {
     PipelineTracer tracer(gpu());
@@ -251,7 +251,7 @@ TEST_F(PipelineGroups, TableThatChanges)
     const auto &limits = gpu().pipelineProperties();
     const VkDeviceSize handle = limits.shaderGroupHandleSize;
     const VkDeviceSize stride = tracer.table().hit.stride;
-    // Two contents: as in the tracer's table, and with a zero record for triangles.
+    // Two contents: that of the tracer's table, and one with a zero record for triangles.
     std::vector<uint8_t> content(static_cast<size_t>(stride) * 4);
     const auto put = [&](size_t record, std::optional<uint32_t> group, uint32_t data) {
         uint8_t *at = content.data() + record * stride;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// VK_KHR_ray_tracing_position_fetch beside micromaps, in pipelines and in ray queries.
+// VK_KHR_ray_tracing_position_fetch together with micromaps, in pipelines and in ray queries.
 #include <random>
 
-#include "gpu/pipeline_builder.h"
 #include "check/oracle/outcome.h"
 #include "command_buffer/compute_pipeline.h"
+#include "gpu/pipeline_builder.h"
 #include "harness/harness.h"
 
 #include "harness/program/labels.h"

@@ -9,8 +9,8 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "gpu/pipeline_tracer.h"
 #include "check/oracle/outcome.h"
+#include "gpu/pipeline_tracer.h"
 #include "harness/harness.h"
 
 namespace vt
@@ -26,7 +26,7 @@ inline bool constantRayFlags()
 class PipelineScene
 {
 public:
-    // How the hit records of the tracer look; boxes use record `boxRecord`, triangles record 0.
+    // The hit records of the tracer; boxes use record `boxRecord`, triangles record 0.
     struct View {
         bool triangleAnyHit = true, boxAnyHit = true;
         bool triangleClosestHit = true, boxClosestHit = true;
@@ -76,7 +76,7 @@ public:
             const uint8_t states = format == kTwoState ? 2 : 4;
             for (uint8_t state = 0; state < states; ++state) {
                 addTriangle(static_cast<int32_t>(input.add(0, format, std::array{state})), {0.3, 0.3}, state);
-                // And beside other states, where the data must be looked at.
+                // With other states in the same micromap, so that the lookup must read the data.
                 std::vector<uint8_t> mixed(256);
                 for (size_t i = 0; i < mixed.size(); ++i)
                     mixed[i] = static_cast<uint8_t>((i * 7 + i / 5 + state) % states);

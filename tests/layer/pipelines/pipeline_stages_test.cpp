@@ -192,8 +192,8 @@ TEST_F(PipelineStages, WithoutAnyHit)
     expect({.anyHit = false});
 }
 
-// Where ray flags travel in payloads, the layer's any-hit shader of each group has the payload of its rays: the test
-// driver looks at that (layers/spy_pipelines.cpp).
+// Where ray flags are passed in payloads, the layer's any-hit shader of each group has the payload type of its rays:
+// the mock driver checks this (layers/spy_pipelines.cpp).
 TEST_F(PipelineStages, PayloadsOfSeveralTypes)
 {
     expect({.others = true});

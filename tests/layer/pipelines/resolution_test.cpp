@@ -61,7 +61,8 @@ protected:
         for (const uint16_t format : {kTwoState, kFourState}) {
             for (uint32_t level = 0; level <= kMaxLevel; ++level, ++column) {
                 const uint32_t count = 1u << (2 * level);
-                // One random number for 16 states; below level 2 every state comes up in its own triangle further down.
+                // One random number for 16 states. Below level 2, triangles that are added further down cover every
+                // state.
                 std::vector<uint8_t> states(count);
                 for (uint32_t i = 0; i < count; i += 16) {
                     const uint32_t bits = static_cast<uint32_t>(random());

@@ -22,7 +22,7 @@ COMMANDS = {"vkCreateQueryPool", "vkGetQueryPoolResults", "vkCmdCopyQueryPoolRes
 CORE_VALUES = {"VkIndexType": re.compile(r"VK_INDEX_TYPE_(?!NONE_NV)"),
                "VkQueryType": re.compile(r"VK_QUERY_TYPE_(ACCELERATION_STRUCTURE|MICROMAP)_(?!\w*NV)"),
                "VkQueryResultFlagBits": re.compile(r"VK_QUERY_RESULT_\w+_BIT$")}
-# What the device fills in.
+# Structures that the device fills in.
 OUTPUT = re.compile(r"Properties(KHR|EXT)$|Features(KHR|EXT)$|SizesInfo(KHR|EXT)$")
 COUNT_OF = {"pGeometries": "geometryCount", "ppGeometries": "geometryCount", "pUsageCounts": "usageCountsCount",
             "ppUsageCounts": "usageCountsCount", "pStages": "stageCount", "pGroups": "groupCount", "pInfos": "infoCount",

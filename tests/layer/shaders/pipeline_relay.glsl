@@ -57,7 +57,7 @@ struct Payload {
 
 #if defined(OTHER_PAYLOAD)
 
-// Of rays that nobody traces.
+// Payloads of rays that are never traced.
 layout(location = 0) rayPayloadInEXT uvec4 many[16];
 
 void main()

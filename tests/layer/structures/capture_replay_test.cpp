@@ -32,7 +32,7 @@ constexpr const char *kReplays = "VELLUM_TEST_REPLAYS";
 constexpr const char *kDriver = "capable,replay";
 constexpr VkDeviceSize kRoom = VkDeviceSize{1} << 20; // of a structure
 
-// What a capture tool keeps: addresses and bytes, in the order of use.
+// The record of a capture tool: addresses and bytes, in the order of use.
 class Captured
 {
 public:
@@ -169,7 +169,7 @@ public:
         });
     }
     [[nodiscard]] VkAccelerationStructureKHR replayed() const { return replayed_; }
-    // Of the first process.
+    // An instance of a BLAS of the first process.
     [[nodiscard]] VkAccelerationStructureInstanceKHR at(Vec3 place, uint32_t index) const
     {
         VkAccelerationStructureInstanceKHR one = instance(*this, place, index);
@@ -197,7 +197,8 @@ TEST(CaptureReplayRun, DISABLED_Run)
 {
     Captured captured(std::getenv(kFile), std::getenv(kReplays) != nullptr);
     Gpu gpu(Options{.validation = false, .quirks = kDriver});
-    // What a replaying process has made already, so that the layer's own addresses and slots are not the earlier ones.
+    // Objects that the replaying process has created before, so that the layer's own addresses and slots differ from
+    // those of the capture.
     std::vector<std::unique_ptr<Tlas>> others;
     const Patchwork other(gpu, 7);
     const Blas otherBlas(gpu, other.geometries());

@@ -15,7 +15,7 @@ protected:
     StructureAddresses() : GpuTest({.quirks = "elsewhere"}) {}
 };
 
-// Two handles for one content, with an address each: instances may name either.
+// Two structures with one content and an address each: instances may name either.
 TEST_F(StructureAddresses, TwoAtOneAddress)
 {
     const Patchwork patchwork(gpu());
@@ -47,7 +47,7 @@ TEST_F(StructureAddresses, OneThatIsReused)
     const auto expectedFirst = seenOf(gpu(), Blas(gpu(), first.geometries()));
     const auto expectedSecond = seenOf(gpu(), Blas(gpu(), second.geometries()));
     ASSERT_NE(expectedFirst, expectedSecond);
-    // Whether the address of the one that stays was queried before the other was gone.
+    // The address of the remaining one is queried before or after the other is destroyed.
     for (const bool asked : {false, true}) {
         auto gone = std::make_unique<Blas>(gpu());
         gone->placeIn(room.handle(), 256);
@@ -77,7 +77,7 @@ TEST_F(StructureAddresses, OneThatIsReused)
     }
 }
 
-// Objects are destroyed in any order: where the buffer goes first, the driver is not asked about what lay in it.
+// Objects may be destroyed in any order: after the buffer, the driver is not called for structures in it.
 TEST_F(StructureAddresses, OnesWhoseBufferIsGone)
 {
     auto room =
@@ -94,7 +94,7 @@ TEST_F(StructureAddresses, OnesWhoseBufferIsGone)
     gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), never, nullptr);
 }
 
-// What was built at a place stays there, also while nothing lives there that has an address of the driver's.
+// Content stays at an address, also while no structure with an address of the driver exists there.
 TEST(StructureAddressesKhr, OneThatIsMadeAgain)
 {
     Gpu gpu({.quirks = "elsewhere", .api = Api::Khr});
@@ -119,7 +119,7 @@ TEST(StructureAddressesKhr, OneThatIsMadeAgain)
         ADD_FAILURE() << m.id << ": " << m.text;
 }
 
-// The same memory, whatever their addresses are.
+// Both are the same memory, even if their addresses differ.
 TEST_F(StructureAddresses, CopyToItself)
 {
     const Patchwork patchwork(gpu());

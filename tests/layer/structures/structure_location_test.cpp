@@ -49,7 +49,7 @@ protected:
     Guarded room_;
 };
 
-// The size is no longer one of those that tell what is meant.
+// The size no longer identifies the kind of structure.
 TEST_F(StructureLocations, DataOfEitherLevelIntoHandlesOfAnySize)
 {
     const Patchwork patchwork(gpu());
@@ -100,7 +100,7 @@ TEST_F(StructureLocations, SeveralHandlesForOneContent)
     auto first = toTheEnd(256);
     const auto second = placed(256, source.size());
     copy(gpu(), source, *first);
-    // Neither the one that was written by nor the one that is read by need be there for the content.
+    // The content does not depend on the handles by which it was written and read.
     EXPECT_EQ(seenOf(gpu(), *second), expected);
     first.reset();
     EXPECT_EQ(seenOf(gpu(), *second), expected);
@@ -112,7 +112,7 @@ TEST_F(StructureLocations, SeveralHandlesForOneContent)
               queried(gpu(), source, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR));
 }
 
-// As an engine does it that compacts what it updates later: the copies lie side by side.
+// As in an engine that compacts structures which it updates later: the copies are adjacent in memory.
 TEST_F(StructureLocations, UpdatesOfPackedCompactedStructures)
 {
     constexpr VkBuildAccelerationStructureFlagsKHR kFlags =
@@ -178,7 +178,7 @@ TEST_F(StructureLocations, TheSameDataTwice)
     }
 }
 
-// As one does that is not used any more and not destroyed yet.
+// As with a structure that is no longer used but not yet destroyed.
 TEST_F(StructureLocations, TopLevelDataWhereAnotherHandleBegins)
 {
     const Patchwork patchwork(gpu());

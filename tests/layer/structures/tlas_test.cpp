@@ -217,7 +217,7 @@ TEST_F(Top, TwoAtOnceSharingBlas)
 
 TEST_F(Top, ManyComeAndGo)
 {
-    // Instance slots are given back.
+    // Instance slots are released.
     const std::vector<Shown> kept{{70, 1}, {80, 0}, {90, 2}};
     const Tlas stays(gpu(), instances(kept));
     for (uint32_t round = 0; round < 50; ++round) {
