@@ -118,7 +118,7 @@ TEST_P(AccountRules, AreNamed)
 INSTANTIATE_TEST_SUITE_P(, AccountRules, testing::ValuesIn(kRules),
                          [](const auto &rule) { return std::string(rule.param.name); });
 
-// What is alike is one line, however much it is.
+// Equal elements are listed in one line, however many there are.
 TEST(Account, OfManyIsShort)
 {
     Case c = smallCase();
@@ -136,7 +136,7 @@ TEST(Account, OfManyIsShort)
     EXPECT_LT(account.size(), 2000u);
 }
 
-// What is wrong with a size says nothing of a ray.
+// A failure about a size has no expected hit of a ray.
 TEST(Account, OfASizeHasNoRay)
 {
     const std::string account =
@@ -148,7 +148,7 @@ TEST(Account, OfASizeHasNoRay)
         << account;
 }
 
-// As the number of a command is written.
+// The number of a command as the account writes it.
 std::string numberText(size_t number)
 {
     const std::string text = std::to_string(number) + ". ";
@@ -166,13 +166,17 @@ TEST(Account, NamesWhatIsUnusualInBuildsAndQueries)
     c.build.together = c.build.mixed = true;
     c.steps[0].outOfPlace = true;
     c.steps[1].exact = true;
-    c.queries = {
-        {.count = 2,
-         .commands = {
-             {.count = 2},
-             {.kind = QueryCommand::Kind::Write, .count = 2, .targets = {{QueryTarget::Of::Top}, {}}},
-             {.kind = QueryCommand::Kind::Copy, .first = 1, .wide = true, .availability = true, .offset = 1, .padding = 2},
-         }}};
+    c.queries = {{.count = 2,
+                  .commands = {
+                      {.count = 2},
+                      {.kind = QueryCommand::Kind::Write, .count = 2, .targets = {{QueryTarget::Of::Top}, {}}},
+                      {.kind = QueryCommand::Kind::Copy,
+                       .first = 1,
+                       .wide = true,
+                       .availability = true,
+                       .offset = 1,
+                       .padding = 2},
+                  }}};
     ASSERT_EQ(invalid(c), "");
     const std::string account = accountOf(c, {}, Api::Khr);
     for (const char *const line : {
@@ -195,8 +199,8 @@ TEST(Account, OfRandomCases)
     for (uint32_t seed = 0; seed < 100; ++seed) {
         const Case c = randomCase(seed, 3);
         const std::string account = accountOf(c, {.cause = "x", .detail = "found", .ray = 2}, Api::Khr);
-        const size_t commands = c.scene.micromaps.size() + c.scene.objects.size() + c.steps.size() +
-                                c.queries.size() + 1;
+        const size_t commands =
+            c.scene.micromaps.size() + c.scene.objects.size() + c.steps.size() + c.queries.size() + 1;
         EXPECT_NE(account.find(numberText(commands)), std::string::npos) << account;
         EXPECT_EQ(account.find(numberText(commands + 1)), std::string::npos) << account;
         EXPECT_EQ(account.find('?'), std::string::npos) << account;

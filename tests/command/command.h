@@ -21,7 +21,7 @@ struct Outcome {
     [[nodiscard]] int errorLines() const;
 };
 
-// The line of the output that begins so; empty where there is none.
+// The first line of the output with this beginning; empty if there is none.
 std::string lineOf(const Outcome &outcome, const std::string &beginning);
 
 // Runs it with these arguments, and these variables added to the environment.
@@ -36,7 +36,7 @@ Outcome runVellum(const std::vector<std::string> &arguments,
 std::optional<Outcome> interruptVellumAtCall(const std::vector<std::string> &arguments, int signal, int call,
                                              const std::string &preloaded);
 
-// No thread of it can be started.
+// Runs it where no thread can be started.
 Outcome runVellumWithoutThreads(const std::vector<std::string> &arguments);
 
 // Sends it a signal as soon as there is such a file or folder.
@@ -46,7 +46,7 @@ Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, c
 // It may have so many files open at a time.
 Outcome runVellumWithOpenFiles(const std::vector<std::string> &arguments, unsigned long count);
 
-// No file that it writes may become larger than this.
+// Runs it with a limit on the size of each file that it writes.
 Outcome runVellumWithFileLimit(const std::vector<std::string> &arguments, unsigned long bytes);
 
 // Its stdout takes nothing: /dev/full.

@@ -29,7 +29,7 @@ std::string textOf(const std::filesystem::path &path)
     return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// In the child, after fork.
+// Called in the child process after fork.
 [[noreturn]] void execute(std::vector<std::string> arguments,
                           const std::vector<std::pair<std::string, std::string>> &environment,
                           const std::filesystem::path &output, const std::filesystem::path &errors)

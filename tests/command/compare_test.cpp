@@ -9,7 +9,7 @@ using namespace vellum::test;
 namespace
 {
 
-// What the line of the ratio says.
+// The values in the line that states a ratio.
 struct Ratio {
     char median[16] = {};
     char low[16] = {};

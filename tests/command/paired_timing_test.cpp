@@ -52,7 +52,7 @@ TEST(PairedTiming, OneDisturbanceDoesNotMoveTheRatio)
     EXPECT_DOUBLE_EQ(timing.ratio().high, 1.1);
 }
 
-// Of a normal distribution: quartiles at 0.674 deviations, here 0.674 % of the ratio.
+// For a normal distribution: quartiles at 0.674 deviations, here 0.674 % of the ratio.
 TEST(PairedTiming, UncertaintyShrinksWithTheRootOfThePairs)
 {
     const auto after = [](size_t pairs) {

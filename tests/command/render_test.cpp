@@ -26,7 +26,7 @@ TEST_P(RenderingBy, MicromapsChangeNoPixel)
     }
 }
 
-// The same pictures, by as many calls of the shader: micromaps that are ignored change no pixel either.
+// Both extensions give the same pictures with equally many shader calls. Ignored micromaps change no pixel either.
 TEST_P(RenderingBy, EitherExtensionIsTheSame)
 {
     const std::filesystem::path output = folder / "picture.png";

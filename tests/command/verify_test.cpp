@@ -99,7 +99,7 @@ TEST_F(VerifyCommand, StrictTellsOfWhatCouldBeBetter)
     EXPECT_TRUE(has(verify(bold).output, "outside the margins:"));
     EXPECT_EQ(verify(bold, {"--strict"}).exitCode, 5);
     EXPECT_EQ(verify(bold, {"--strict", "--exact"}).exitCode, 0);
-    // And the other way round, needlessly unknown.
+    // The strict margins are needlessly unknown under --exact.
     EXPECT_EQ(verify(card, {"--exact"}).exitCode, 0);
     EXPECT_TRUE(has(verify(card, {"--exact"}).output, "needlessly unknown:"));
     EXPECT_EQ(verify(card, {"--strict", "--exact"}).exitCode, 6);
@@ -139,7 +139,7 @@ TEST_F(VerifyCommand, WhatCannotBeReadIsSaidInOneLine)
     EXPECT_EQ(none.exitCode, 1);
     EXPECT_EQ(none.errorLines(), 1);
     EXPECT_TRUE(has(none.errors, "none.glb")) << none.errors;
-    // The others are looked at all the same, and the worst is told.
+    // The other files are verified nevertheless, and the exit code is that of the worst result.
     change(card, State::Opaque, State::Transparent);
     const Outcome both = verify(card, {(folder / "none.glb").string()});
     EXPECT_EQ(both.exitCode, 1);
@@ -179,7 +179,7 @@ TEST_F(VerifyCommand, PrintsJsonForMachines)
     EXPECT_EQ(broken.root()["files"].children().at(0)["exitCode"].integer(), 3);
 }
 
-// What was verified is not all that can be drawn.
+// Micromaps are verified against one material; other materials may be drawn.
 TEST_F(VerifyCommand, StrictTakesCautionsForOpenClaims)
 {
     card.material += R"(, "extensions": {"KHR_materials_pbrSpecularGlossiness": {"glossinessFactor": 1}})";

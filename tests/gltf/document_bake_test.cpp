@@ -81,7 +81,7 @@ DocumentBake bakeColored(const std::array<float, 4> &alphas, const DocumentBakeO
     return bakeDocument(Document(folder / "test.glb"), options);
 }
 
-// What the baker itself makes of the card's two triangles, with this cutoff.
+// The result of the baker alone for the card's two triangles, with this cutoff.
 Micromap bakeDirectly(double cutoff, BakeOptions options = optionsOf().bake)
 {
     const TemporaryFolder folder;
@@ -112,7 +112,7 @@ TEST(DocumentBake, IsWhatTheBakerMakesOfTheMaterial)
     EXPECT_EQ(bake.primitives[0].place, (PrimitivePlace{0, 0}));
     EXPECT_EQ(bake.primitives[0].material, "leaf");
     EXPECT_TRUE(bake.skipped.empty());
-    // No texel has more than the base colour's 0.75.
+    // No texel exceeds the base colour's 0.75.
     EXPECT_NE(bakeDirectly(0.25).indices, bakeDirectly(0.9).indices);
 }
 
@@ -122,7 +122,7 @@ TEST(DocumentBake, BlendOnRequest)
     EXPECT_EQ(reasonFor(blend), "its alphaMode is BLEND");
     DocumentBakeOptions options = optionsOf();
     options.blend = true;
-    // Only what has an alpha of 0 is known: the factor of the base colour is 0.75.
+    // Only an alpha of 0 is known: the factor of the base colour is 0.75.
     const DocumentBake blended = bakeCard(blend, options);
     std::array<size_t, 4> states{};
     for (const MicromapTriangle &t : blended.micromaps.at(0).triangles)
@@ -155,14 +155,14 @@ TEST(DocumentBake, EqualAlphaSharesAMicromap)
     EXPECT_EQ(bake.primitives[1].micromap.indices, bake.primitives[0].micromap.indices);
     EXPECT_EQ(bake.micromaps.size(), 1u);
     EXPECT_EQ(bake.micromaps[0].data, bakeDirectly(0.25).data);
-    // Another cutoff is another source.
+    // Materials that differ in the cutoff get separate micromaps.
     const Replacements other = {
         {R"({"attributes": {"POSITION": 3}, "material": 1})",
          R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 1})"},
         {R"({"name": "wood"})",
          R"({"name": "wood", "alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})"}};
     EXPECT_EQ(bakeCard(other).micromaps.size(), 2u);
-    // With a budget they share what there is of it.
+    // Both share the budget.
     DocumentBakeOptions options = optionsOf();
     options.bake.budget = 100;
     const DocumentBake small = bakeCard(other, options);

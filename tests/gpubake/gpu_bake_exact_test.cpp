@@ -31,7 +31,7 @@ protected:
 
 } // namespace
 
-// Without tolerances, anywhere: states are those of the mathematics, except what single precision cannot tell.
+// Without tolerances, states are mathematically exact, except where single precision cannot decide.
 TEST_F(GpuBakeExact, ClaimsNothingThatIsNotSo)
 {
     test::TestRandom random(2);
@@ -88,7 +88,7 @@ TEST_F(GpuBakeExact, ClaimsNothingThatIsNotSoOnGrids)
     EXPECT_LT(sum.mixed, sum.all - sum.all / 10);
 }
 
-// With the tolerances that a sampler needs, over the micro-triangle with its margins.
+// With the tolerances that a sampler needs, states hold over the micro-triangle and its margins.
 TEST_F(GpuBakeExact, TolerancesCostNoMoreThanTheyAskFor)
 {
     test::TestRandom random(3);

@@ -64,7 +64,7 @@ TEST_F(InspectCommand, RejectsWrongChoices)
     expectRefusal(cardGlb(), "--triangle must be a number, a range like 3-9, or several with commas, got 3-",
                   {"--bake", "--triangle", "3-"});
     expectRefusal(cardGlb(), "no triangle with a micromap", {"--bake", "--triangle", "77"});
-    // Also where others are there.
+    // Also if other meshes or materials of that list exist.
     expectRefusal(cardGlb(), "there is no mesh 77", {"--bake", "--mesh", "0,77"});
     expectRefusal(cardGlb(), "there is no material laef", {"--bake", "--material", "leaf", "--material", "laef"});
     expectRefusal(cardGlb(), "--size", {"--bake", "--size", "7"});
@@ -130,7 +130,7 @@ TEST_F(InspectCommand, ShowsWhatTheFileHas)
     const Outcome stored = runVellum({"inspect", baked.string(), "--html", page().string()});
     EXPECT_EQ(stored.exitCode, 0) << stored.errors;
     EXPECT_NE(stored.output.find("EXT_mesh_opacity_micromap"), std::string::npos) << stored.output;
-    // Except the file's own line, that is what baking in memory shows.
+    // Except for the line about the file, the page equals that of baking in memory.
     const Outcome made = runVellum({"inspect", write(cardGlb()).string(), "--bake", "--html", page().string()});
     const auto afterFile = [](const std::string &output) { return output.substr(output.find("micromaps ")); };
     EXPECT_EQ(afterFile(stored.output), afterFile(made.output));

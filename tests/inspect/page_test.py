@@ -79,7 +79,7 @@ class PageTest(unittest.TestCase):
         """Of the canvas."""
         x, y = self.place(u, v)
         left, top, *_ = self.canvas_box()
-        # By way of another canvas: Chromium complains about reading from one that is drawn to.
+        # The pixel is copied to another canvas first: Chromium warns about reading from one that is drawn to.
         return self.value(f"""(() => {{
             const pixel = new OffscreenCanvas(1, 1).getContext("2d", {{ willReadFrequently: true }});
             pixel.drawImage(document.getElementById("canvas"), {-round(x - left)}, {-round(y - top)});

@@ -74,7 +74,7 @@ class Installation(unittest.TestCase):
         shutil.rmtree(options.scratch, ignore_errors=True)
         first = options.scratch / "first"
         run(options.cmake, "--install", options.build, "--prefix", first)
-        # Nothing may remember where it was installed.
+        # No installed file may depend on the path of installation.
         cls.prefix = options.scratch / "second place"
         first.rename(cls.prefix)
         cls.lib = cls.prefix / options.libdir

@@ -9,6 +9,6 @@ namespace vellum::test
 {
 
 extern std::atomic<long> allocationsLeft;  // until one fails; negative for never
-extern std::atomic<long> allocationsAlive; // that have not been given back
+extern std::atomic<long> allocationsAlive; // that were not freed
 
 } // namespace vellum::test

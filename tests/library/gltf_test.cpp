@@ -95,7 +95,7 @@ struct Card {
             std::copy(to.begin(), to.end(), found);
         writeFile(folder / "damaged.glb", bytes);
     }
-    // What a failure must not leave: anything but the input.
+    // The number of files. A failure must leave only the input.
     [[nodiscard]] size_t files() const
     {
         const std::filesystem::directory_iterator entries(folder.path());
@@ -260,7 +260,7 @@ TEST(LibraryGltf, TheMicromapsOfAGltfLieBesideItOrInIt)
     Bytes bytes(sizeof triangle);
     std::memcpy(bytes.data(), triangle, sizeof triangle);
     writeFile(card.folder / "triangle.bin", bytes);
-    const auto buffer = [&card] { // its name tells its content
+    const auto buffer = [&card] { // its name depends on its content
         for (const auto &entry : std::filesystem::directory_iterator(card.folder.path()))
             if (entry.path().filename().string().starts_with("baked.omm-"))
                 return entry.path();

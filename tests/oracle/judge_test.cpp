@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The judges of rays find each result that is changed after a right run.
+// The checks of rays (pipeline_judge.h, query_judge.h) find each change to a correct result.
 #include "check/oracle/pipeline_judge.h"
 #include "check/oracle/query_judge.h"
 #include "compare_scenes.h"
@@ -42,7 +42,7 @@ std::vector<Change<R>> changes()
     };
 }
 
-// Of each kind of change, every one that a ray allows is found. A ray without change is right.
+// Makes one change of every kind that a ray allows, and expects each to be found. Unchanged results are correct.
 template <class R>
 void expectFound(const Scene &scene, const std::vector<R> &results,
                  const std::function<std::string(const vt::Ray &, const std::vector<Hit> &, const R &)> &judge)
@@ -119,14 +119,14 @@ TEST_F(Judge, FindsChangedResultsOfPipelines)
                                     });
 }
 
-// The same results on a device that shows candidates in another order, or shows them again.
+// The same results on a device that reports candidates in another order, or repeats them.
 template <class R>
 R otherwise(const R &result, bool again)
 {
     std::vector<size_t> order;
     for (size_t i = 0; i < result.candidates.size(); ++i)
         order.insert(order.end(), again ? 2 : 1, i);
-    // From the farthest to the nearest no candidate is beyond a hit that was confirmed before.
+    // Sorted from the farthest to the nearest, no candidate is beyond a confirmed hit.
     if (!again)
         std::ranges::stable_sort(order, std::greater{}, [&](size_t i) { return result.candidates[i].t; });
     R other = result;
@@ -142,7 +142,7 @@ R otherwise(const R &result, bool again)
     return other;
 }
 
-// No judge says anything of them, unless a geometry has VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR.
+// Expects that the result is accepted, unless a geometry has VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR.
 template <class R>
 void expectAllowed(const Scene &scene, const std::vector<R> &results,
                    const std::function<std::string(const vt::Ray &, const std::vector<Hit> &, const R &)> &judge)
@@ -185,7 +185,7 @@ TEST_F(Judge, AllowsOtherCandidatesOfPipelines)
                                       });
 }
 
-// What is tolerated where Vellum's layer emulates is a fault elsewhere.
+// Deviations that are tolerated where Vellum's layer emulates are faults elsewhere.
 TEST_F(Judge, ToleratesNothingOnOtherDevices)
 {
     if (!gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Random scenes, traced by ray queries through the layer and by the oracle, compared ray by ray: the candidates handed
 // to the shader and the hit that stays.
-#include "gpu/arena.h"
 #include "check/groups/random_case.h"
 #include "check/oracle/query_judge.h"
 #include "compare_scenes.h"
+#include "gpu/arena.h"
 
 namespace
 {
@@ -90,13 +90,13 @@ protected:
     PackedToTheEndOracle() : PackedOracle(vt::Memory::PackedToTheEnd) {}
 };
 
-// Whether oracle and driver agree where Vellum has no part.
+// Checks that oracle and driver agree without Vellum.
 TEST_F(OracleWithoutLayer, PlainScenes)
 {
     compare(gpu(), {.micromaps = false}, 40, 20000);
 }
 
-// The same of geometry in all its forms.
+// As above, with geometry in all its forms.
 TEST_F(OracleWithoutLayer, UnusualGeometry)
 {
     compare(gpu(), {.micromaps = false, .unusual = 80, .formats = gpu().vertexFormats()}, 60, 20000);

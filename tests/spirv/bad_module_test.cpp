@@ -66,7 +66,7 @@ TEST(BadModules, RandomWords)
             ASSERT_EQ(result.error.empty(), result.status != Status::Failed);
         }
     }
-    // Both ways are taken often.
+    // Both outcomes occur often.
     EXPECT_GT(rewritten, 1000);
     EXPECT_GT(failed, 1000);
 }
@@ -99,7 +99,7 @@ TEST(BadModules, OtherByteOrderAndNoSpirv)
     EXPECT_EQ(spirv::rewrite(swapped, {}).status, Status::Unchanged);
 }
 
-// Also by instructions that installed headers do not know: what is put in their place would define it once more.
+// Also by instructions that the installed headers do not know: the rewritten code would define the id again.
 TEST(BadModules, ResultIdDefinedTwice)
 {
     for (const uint32_t opcode : {5271u, 5308u, 5326u}) { // of hit objects: custom index (NV), flags, custom index

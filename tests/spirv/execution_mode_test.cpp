@@ -52,7 +52,7 @@ const char *const kTrace = R"(
            OpFunctionEnd
 )";
 
-// What an entry point declares: nothing, or an id of kConstants.
+// Declarations of an entry point: nothing, or an id of kConstants.
 const char *const kConstants = R"(
     %fun = OpTypeFunction %void %ptr_query
    %null = OpConstantNull %bool
@@ -161,7 +161,7 @@ TEST(ExecutionMode, OfProceedCallsThatAreNoLoop)
     EXPECT_EQ(formsOf(rewriteText(oneEntry("%spec", "", body)).words).innerCalls, 1u);
 }
 
-// With VK_EXT_opacity_micromap the mode does not matter, nor does its operand.
+// With VK_EXT_opacity_micromap neither the mode nor its operand matters.
 TEST(ExecutionMode, DoesNotMatterWhereAllQueriesConsume)
 {
     for (const char *operand : {"", "%true", "%false", "%spec", "%u0", "%main"})
@@ -252,7 +252,7 @@ TEST(ExecutionMode, OfTheStageOfAPipeline)
     }
 }
 
-// What the driver gets of ray flags, and what the application reads.
+// The ray flags that the driver receives, and those that the application reads.
 struct FlagCase {
     const char *operand;
     bool consumes;

@@ -149,8 +149,8 @@ TEST(Flags, OpaqueMakesBoxesOpaque)
     EXPECT_EQ(count(text, "%true\n"), 1u) << text;
 }
 
-// One that a function advances is not known where the application gets it, and of a committed hit that the driver
-// decided nobody has looked it up.
+// The index of a candidate is unknown if a function advances the query, and that of a committed hit if the driver
+// decided it without a lookup.
 TEST(Modules, KeepTheCustomIndexOfACandidateThatTheyDecide)
 {
     for (const char *variant : {"v15", "v14", "v16"}) {
@@ -166,7 +166,7 @@ TEST(Modules, KeepTheCustomIndexOfACandidateThatTheyDecide)
     EXPECT_EQ(count(disassemble(idle.words), "vellumIndexOf"), 0u);
 }
 
-// What is not constant is kept, and the driver does not get it.
+// Ray flags that are not constant are kept in a variable and hidden from the driver.
 TEST(GlslFlags, LieBesideTheQuery)
 {
     for (const char *variant : {"v15", "v14", "v16"}) {

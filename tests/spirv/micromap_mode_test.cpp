@@ -252,7 +252,7 @@ TEST(MicromapMode, RejectsMalformedModules)
               "word " + std::to_string(words.size()) + ", opcode 0: instruction runs past the end of the module");
 }
 
-// Nothing is read beyond the words.
+// The scan never reads beyond the words.
 TEST(MicromapMode, ShortenedModules)
 {
     const Module words = edited(threeEntries(), {.to = To::Specialized, .constantId = 7});

@@ -112,7 +112,7 @@ TEST(Payloads, AreUnknownIfOfSeveralTypesOrSpecialized)
     EXPECT_TRUE(payloadOf(closestHit("%u = OpTypeInt 32 0\n%n = OpSpecConstant %u 3\n%payload = OpTypeArray %u %n"),
                           spv::ExecutionModelClosestHitKHR)
                     .empty());
-    // Where it is not known, the prefix is alone.
+    // If the payload's type is unknown, the payload is the prefix alone.
     const auto own = rewriteAs(loadShader("empty.rahit", "v15"), spv::ExecutionModelAnyHitKHR,
                                spirv::Prologue::TriangleHits, {kNoneFixed, 0});
     EXPECT_EQ(payloadOf(own.words, spv::ExecutionModelAnyHitKHR),
@@ -132,7 +132,8 @@ TEST(Payloads, FindsUnusedOnesBeforeSpirv14)
     EXPECT_EQ(count(disassemble(result.words), "OpVariable %_ptr_IncomingRayPayload"), 1u) << disassemble(result.words);
 }
 
-// In a module of several stages it may be another's, of which a ray that meets this one knows nothing.
+// In a module of several stages the payload may belong to another stage, and then rays that reach this one do not have
+// it.
 TEST(Payloads, IgnoresThoseOfOtherStages)
 {
     const auto module = [](const std::string &store) {
@@ -178,7 +179,8 @@ TEST(Payloads, IgnoresThoseOfOtherStages)
         (spirv::TypeWords{spv::OpTypeStruct, 2, spv::OpTypeInt, 32, 0, spv::OpTypeArray, 64, spv::OpTypeInt, 32, 0}));
 }
 
-// Of two, it is the one that the stage's code uses; a literal that happens to be equal to the other's id is no use.
+// Of two variables, the stage's payload is the one that its code uses; a literal that equals the id of the other is not
+// a use.
 TEST(Payloads, AreNotMistakenForLiterals)
 {
     std::string module = rayTracingText(R"(

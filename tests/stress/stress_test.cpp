@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Micromaps and structures that are built, copied, serialized, reloaded and traced over many frames: every ray sees
-// what the specification says of the state at its place, and nothing grows.
+// Micromaps and structures that are built, copied, serialized, reloaded and traced over many frames: every ray finds
+// the expected state, and memory does not grow.
+//
 //   VELLUM_STRESS=full    10,000 micromaps with 1,000,000 triangles, 1,000 frames
 #include <cstdio>
 #include <cstdlib>

@@ -26,7 +26,7 @@ uint32_t dataBytes(uint32_t level, uint16_t format)
     return ((1u << (2 * level)) * (format == kTwoState ? 1 : 2) + 7) / 8;
 }
 
-// Index of a triangle into its micromap: three ways by geometry. Negative: special.
+// Index of a triangle into its micromap, by one of three formulas for each geometry. Negative: special.
 int32_t indexOf(uint32_t geometry, uint32_t triangle, uint32_t triangles)
 {
     if (geometry % 3 == 0)
@@ -64,7 +64,7 @@ uint8_t stateOf(uint32_t micromap, uint32_t version, uint32_t triangle, uint32_t
     return static_cast<uint8_t>(mix(seed, place) % (formatOf(micromap, triangle) == kTwoState ? 2 : 4));
 }
 
-// What a build of a structure reads; `info` points into this object.
+// The inputs of a structure's build; `info` points into this object.
 struct World::Description {
     Description(const World &world, uint32_t blas, VkBuildAccelerationStructureModeKHR mode)
     {
@@ -268,7 +268,7 @@ World::Map World::replaceMicromap(uint32_t micromap, VkDeviceSize bytes)
 
 void World::buildMicromap(uint32_t micromap)
 {
-    // One that was compacted or loaded has too little room.
+    // A compacted or loaded micromap has too little capacity for a rebuild.
     if (micromaps_[micromap].room.size() < micromapBytes_)
         destroy(replaceMicromap(micromap, micromapBytes_));
     fillInput(micromap, micromaps_[micromap].version);

@@ -18,7 +18,7 @@ import findings
 
 PAGE = "docs/messages.md"
 COMMENT = re.compile(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*')
-# What the formatter has broken in two.
+# A string that the formatter has split.
 SEAM = re.compile(r'"\s*\n\s*"')
 STRING = re.compile(r'"((?:[^"\\\n]|\\.)*)"')
 ID = re.compile(r"\bVELLUM-[A-Za-z0-9_-]*")

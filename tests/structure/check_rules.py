@@ -167,7 +167,7 @@ def is_open(row, names):
     return row["where"] == "open" or (row["where"] in CHECKED and not (is_named(row["vuid"], names) and row["test"]))
 
 
-# What the column "without" begins with, by the severity of a row of src/layer/rules.
+# The beginnings that the column "without" may have, by the severity of a row of src/layer/rules.
 BY_SEVERITY = {"Tolerate": ("tolerated",), "Reject": ("rejected",), "Depends": ("tolerated", "rejected")}
 
 

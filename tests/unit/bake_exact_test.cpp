@@ -69,7 +69,7 @@ TEST(BakeExact, EqualsExactArithmeticOnGrids)
     RecordProperty("mixed", std::to_string(sum.mixed));
 }
 
-// So near to a side of texels that the machine's integers do not hold them.
+// So near to a side of texels that the machine's integers cannot represent the distance.
 TEST(BakeExact, EqualsExactArithmeticBesideASide)
 {
     test::TestRandom random(4);
@@ -127,7 +127,7 @@ TEST(BakeExact, EqualsTheMathematicsAnywhere)
     RecordProperty("mixed", std::to_string(sum.mixed));
 }
 
-// With tolerances, the same over the micro-triangle with its margins: their Minkowski sum.
+// With tolerances, the states hold over the micro-triangle and its margins: their Minkowski sum.
 TEST(BakeExact, TolerancesCostNoMoreThanTheyAskFor)
 {
     test::TestRandom random(3);

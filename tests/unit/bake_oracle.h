@@ -183,7 +183,7 @@ private:
         cut(from.y, to.y);
         std::sort(cuts.begin(), cuts.end());
         const auto at = [&](const N &s) { return sample(from.x + s * (to.x - from.x), from.y + s * (to.y - from.y)); };
-        // Where N rounds, a cut of nearest filtering reads a texel beside the side.
+        // If N rounds, a cut of nearest filtering reads a texel next to the side.
         constexpr bool kExact = std::is_same_v<N, Rational>;
         const bool cutsCount = kExact || texture_.filter == Filter::Bilinear;
         add(at(N(0)));

@@ -25,7 +25,7 @@ protected:
     {
         return {.source = source, .size = size, .stride = 64, .standIn = 0x100, .reach = 15};
     }
-    // Whether a trace with the table would find its copy.
+    // True if a trace with the table would find its copy.
     bool isCurrent(const HitTableCopies::Table &of, VkDeviceSize bytes = 2 * kMiB)
     {
         const HitTableCopies::Copy copy = copies_.get(of, bytes);

@@ -65,7 +65,7 @@ TEST(SpecialIndices, AreThoseOfTheSpecification)
 namespace
 {
 
-// Two triangles, one of each format, and four geometry triangles.
+// A micromap of two triangles, one of each format, and four geometry triangles.
 Micromap example()
 {
     Micromap m;

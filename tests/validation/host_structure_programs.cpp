@@ -8,7 +8,7 @@ namespace vt
 namespace
 {
 
-// What the geometry of a build attaches, by the extension of the device.
+// The micromap attachment of a build's geometry, for the extension of the device.
 struct Attachments {
     VkAccelerationStructureTrianglesOpacityMicromapEXT ext =
         vkInit<VkAccelerationStructureTrianglesOpacityMicromapEXT>({.indexType = VK_INDEX_TYPE_NONE_KHR});

@@ -10,7 +10,7 @@
 namespace vt
 {
 
-// For --gtest_list_tests, which bench/validation reads.
+// Printed by --gtest_list_tests, which bench/validation reads.
 void PrintTo(const WrongProgram &program, std::ostream *out)
 {
     *out << program.rule << ' ' << program.variant;
@@ -53,7 +53,7 @@ std::vector<WrongProgram> allPrograms()
 Options optionsOf(const WrongProgram &program)
 {
     const auto needs = [&program](ProgramNeeds need) { return (program.needs & need) != 0; };
-    // Of two validation layers, both would report the same.
+    // With two validation layers, both would report the same.
     const bool another = validationOfTests() == Validation::Above;
     const char *quirks = needs(kNeedsTransferQueue) ? "queues" : needs(kNeedsFewFeatures) ? "few" : "";
     return {.validation = another,

@@ -40,7 +40,7 @@ TEST(VerifyPolygon, WidenedIsTheHullOfAllSums)
 {
     TestRandom random(41);
     for (unsigned round = 0; round < 20000; ++round) {
-        // On a small grid, where edges are upright, level, equal and without length; and anywhere.
+        // Both on a small grid, where edges are vertical, horizontal, equal and of length 0, and at random positions.
         const bool grid = round % 2 == 0;
         std::array<Point, 3> triangle;
         for (Point &p : triangle)

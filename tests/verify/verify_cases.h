@@ -19,7 +19,7 @@ inline std::vector<verify::TriangleCorners> toCorners(const std::vector<Triangle
     return corners;
 }
 
-// One micromap triangle with states of its own for each of `triangles`.
+// One micromap triangle for each of `triangles`, each with its own states.
 inline Micromap emptyMicromap(size_t triangles, uint32_t level, Format format)
 {
     Micromap micromap;

@@ -27,7 +27,7 @@ protected:
             arguments.insert(arguments.end(), {"--filter", "khr." + filter});
         return runCheck(folder_, arguments, environment);
     }
-    // Those of a reproducer.
+    // Number of triangles in a reproducer.
     size_t trianglesOf(const std::string &name)
     {
         const std::string text = textOf(folder_ / "out/failures" / (name + ".json"));

@@ -9,7 +9,7 @@
 namespace vellum::test::kernel
 {
 
-// What libdrm and the driver look for a GPU by.
+// The values by which libdrm and the driver find a GPU.
 struct Identity {
     const char *driver; // its name
     int major, minor;   // of the interface

@@ -21,7 +21,7 @@ public:
     int create(u64 size, u32 &handle);
     int offset(u32 handle, u64 &offset);
     int close(u32 handle);
-    // Of something that has no memory.
+    // A handle for an object without memory.
     u32 newHandle();
 
 private:

@@ -8,7 +8,8 @@ layout(binding = 0) uniform accelerationStructureEXT scene;
 layout(binding = 1) buffer Out { uint result[]; };
 layout(push_constant) uniform Push { uint flags; uint mode; };
 
-// By its name, for which newer compilers declare the capability; newer validators miss it where the flag is a constant.
+// Uses the name of the flag, for which newer compilers declare the capability. Newer validators require it where the
+// flag is a constant.
 const uint kMode = gl_RayFlagsCullNoOpaqueEXT | gl_RayFlagsForceOpacityMicromap2StateEXT;
 
 void main()
