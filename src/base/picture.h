@@ -33,7 +33,7 @@ struct Difference {
 // Both pictures must have the same size.
 Difference compare(const Picture &a, const Picture &b);
 
-// In the first bytes of every file that these functions return.
+// These marks are in the first bytes of every file that these functions return.
 inline constexpr std::string_view kPngMark("tEXtSoftware\0vellum", 19);
 inline constexpr std::string_view kSvgMark = "<!--vellum-->";
 

@@ -41,9 +41,9 @@ void prepareConsole()
         std::atexit([] { SetConsoleOutputCP(codePageBefore); });
 }
 
-// The loader of Vulkan, when the first of its functions is called: from beside this program or from Windows, but not
-// from the working directory, in which the files of others may be. Without one, functions are looked for in this
-// program, where they are not.
+// The loader of Vulkan, loaded when the first of its functions is called: from the folder of this program or from
+// Windows, but not from the working directory, which may contain files of others. Without a loader, functions are
+// looked up in this program, which does not have them.
 FARPROC WINAPI findVulkan(unsigned what, DelayLoadInfo *)
 {
     if (what != dliNotePreLoadLibrary)
@@ -55,7 +55,7 @@ FARPROC WINAPI findVulkan(unsigned what, DelayLoadInfo *)
     return reinterpret_cast<FARPROC>(reinterpret_cast<void *>(loader));
 }
 
-// Every function, where there is no loader.
+// Replaces every function if there is no loader.
 VkResult VKAPI_CALL withoutLoader()
 {
     return VK_ERROR_INCOMPATIBLE_DRIVER;
@@ -201,7 +201,7 @@ private:
     std::vector<std::byte> memory_;
 };
 
-// In the job from its first instruction on.
+// The process is in the job from its first instruction on.
 Handle startSelf(std::span<const std::string> words, const Handle &job, std::array<HANDLE, 3> streams)
 {
     InheritedHandles inherited(streams);

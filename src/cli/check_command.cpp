@@ -116,7 +116,7 @@ RunSettings settingsOf(const CheckOptions &options, const DeviceSummary &device)
     return settings;
 }
 
-// Without the extensions that the device lacks, unless --api, --caselist or --filter names them: their cases are then
+// Removes the extensions that the device lacks, unless --api, --caselist or --filter names them: their cases are then
 // skipped.
 void removeMissing(const CheckOptions &options, const DeviceSummary &device, CaseSelection &selection)
 {
@@ -278,11 +278,11 @@ void skipMissing(const DeviceSummary &device, CaseSelection &selection, Results 
     std::erase_if(selection.list, [&](const CaseId &id) { return lacks(id.api); });
 }
 
-// How far a run has come, in words.
+// Describes the progress of a run.
 class RunProgress
 {
 public:
-    // At the start of the run.
+    // Must be created at the start of the run.
     RunProgress(const RunSettings &settings, const Schedule &schedule, const Results &results)
         : settings_(settings), schedule_(schedule), results_(results), work_(schedule.work()),
           cases_(results.size() + schedule.remaining())

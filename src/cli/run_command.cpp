@@ -125,7 +125,7 @@ MessageSummary readMessages(std::istream &lines)
     return summary;
 }
 
-// On stderr.
+// Prints to stderr.
 void print(const MessageSummary &summary)
 {
     if (summary.devices == 0)

@@ -16,7 +16,7 @@ namespace vellum
 namespace
 {
 
-// How many numbers are read in the time that Draco takes for a byte, an index or a vertex.
+// The number of floats read in the time that Draco takes for a byte, an index or a vertex.
 constexpr uint64_t kDracoNumbers = 64;
 
 // The corners of triangles, three for each, in the order and winding of glTF 2.0, 3.7.2.1 ("Overview" of meshes).
@@ -36,7 +36,7 @@ std::vector<uint32_t> unfold(int mode, std::vector<uint32_t> corners)
     return indices;
 }
 
-// How the accessor of an attribute that Draco has compressed says its values become floats.
+// How the values of an attribute that Draco has compressed become floats, according to its accessor.
 DracoMesh::As dracoTypeOf(const gltf_json::Model &model, int accessor, const std::string &what)
 {
     static_cast<void>(accessorCount(model, accessor, what)); // that it exists

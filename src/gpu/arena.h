@@ -28,7 +28,7 @@ public:
     // Returns whether the arena can hold buffers with that usage.
     [[nodiscard]] bool packs(VkBufferUsageFlags usage) const { return (usage & ~this->usage()) == 0; }
     Place take(VkDeviceSize size, VkDeviceSize alignment);
-    // The memory is free at once: no work that uses it may be pending. Expects that the guard bytes beside it are intact.
+    // Frees the memory at once: no work that uses it may be pending. Expects that the guard bytes around it are intact.
     void give(const Place &place);
     [[nodiscard]] bool intactBeside(const Place &place) const;
     void expectIntact(const std::string &when) const;

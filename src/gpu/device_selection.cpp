@@ -27,7 +27,7 @@ std::set<std::string> extensionsOf(VkPhysicalDevice device)
     return names;
 }
 
-// Who implements the extensions: the layer reports itself as a tool, with what it does for the device.
+// Who implements the extensions: the layer reports itself as a tool, with its description for the device.
 std::string describeImplementation(VkPhysicalDevice device, uint32_t version)
 {
     uint32_t count = 0;
@@ -135,7 +135,7 @@ void requireMicromaps(const DeviceInfo &device, Api api, bool layer)
 std::vector<DeviceInfo> listDevices(const Instance &instance)
 {
     uint32_t count = 0;
-    // Without any driver some loaders fail here instead of at the instance's creation.
+    // Without a driver, some loaders fail here and not at the creation of the instance.
     if (vkEnumeratePhysicalDevices(instance.handle(), &count, nullptr) != VK_SUCCESS)
         count = 0;
     std::vector<VkPhysicalDevice> handles(count);

@@ -31,7 +31,7 @@ struct KnownFault {
     std::string_view response; // what is avoided or not checked
 };
 
-// Those of a device. asksTools: also of Vellum's layer, which is a tool of the device (Vulkan 1.3).
+// The known faults of a device. asksTools: also those of Vellum's layer, which is a tool of the device (Vulkan 1.3).
 std::vector<KnownFault> knownFaults(VkPhysicalDevice device, bool asksTools);
 
 } // namespace vellum::gpu

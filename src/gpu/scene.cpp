@@ -43,7 +43,7 @@ uint32_t bitsOf(const VkMicromapTriangleEXT &triangle)
     return (triangle.format == kTwoState ? 1u : 2u) << (2 * triangle.subdivisionLevel);
 }
 
-// Where the bits of `own` are in the data; nothing where they are not, or are many.
+// The position of the bits of `own` in the data; nothing if it is not found or `own` is long.
 std::optional<uint32_t> findData(std::span<const uint8_t> data, std::span<const uint8_t> own, uint32_t bits)
 {
     constexpr size_t kMost = 64;
@@ -354,7 +354,7 @@ void Structure::record(VkCommandBuffer commands) const
 
 VkDeviceAddress Blas::upload(const void *content, size_t size, size_t alignment)
 {
-    // Where there are many geometries, their inputs share buffers: devices allow as few as 4096 allocations.
+    // With many geometries, their inputs share buffers: devices allow as few as 4096 allocations.
     constexpr size_t kManyGeometries = 128, kSharedBytes = size_t{1} << 20;
     if (inputs_.size() < kManyGeometries || size > kSharedBytes) {
         buffers_.push_back(uploadAligned(gpu(), content, size, kBuildInput, alignment));

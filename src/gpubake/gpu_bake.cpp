@@ -147,7 +147,7 @@ void countList(Recording &recording, uint32_t triangles, uint32_t which)
     recording.run(Shader::Scan, 1, 1, which);
 }
 
-// Records the part that both ways begin with: until it is known which triangles get data.
+// Records the common part of one and two steps: until it is known which triangles get data.
 void findStates(Recording &recording, const GpuAlphaInfo &alpha, uint32_t triangles, bool specialIndices)
 {
     makeMasks(recording, alpha);

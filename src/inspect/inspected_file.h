@@ -53,7 +53,7 @@ struct InspectedRecord {
 struct InspectedMaterial {
     int index = -1; // materials[] of the file
     Material material;
-    std::shared_ptr<const Image> image; // null where there is none or it cannot be read
+    std::shared_ptr<const Image> image; // null if there is none or it cannot be read
     std::string problem;                // why it cannot be read
 };
 
@@ -84,8 +84,8 @@ struct InspectedFile {
     size_t primitiveCount = 0; // made of triangles, with and without micromaps
 };
 
-// With `bake`, leaves aside what the file has and bakes it. Throws GltfError, BakeError, or Error where nothing is left
-// to look at.
+// With `bake`, ignores the micromaps of the file and bakes it. Throws GltfError, BakeError, or Error if nothing is left
+// to inspect.
 InspectedFile inspectFile(const Document &document, const Selection &selection, const DocumentBakeOptions *bake);
 
 // Returns whether it is a special index.

@@ -274,7 +274,7 @@ constexpr double kMostPixels = 64e6;
 constexpr uint32_t kSmallestEdge = 160;
 constexpr int kMargin = 28;      // around everything, and between panels
 constexpr int kHead = 58;        // above a panel's picture, for its name
-constexpr int kScaleWidth = 58;  // beside it
+constexpr int kScaleWidth = 58;  // next to it
 constexpr int kScaleHeight = 30; // below it
 constexpr int kLegend = 44;
 
@@ -388,7 +388,7 @@ void drawPanel(LabelledPicture &drawing, const InspectedFile &file, const Panel 
     drawScales(drawing, panel.window, x, y + kHead);
 }
 
-// In the order in which states.glsl and the page name them.
+// In the order of their names in states.glsl and the page.
 constexpr std::array<std::pair<State, const char *>, 4> kNames = {
     {{State::Opaque, "opaque"},
      {State::Transparent, "transparent"},

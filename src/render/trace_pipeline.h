@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A pipeline that draws the picture, in one of two ways: by ray queries in a compute shader or by a ray tracing
-// pipeline.
+// A pipeline that draws the picture, by ray queries in a compute shader or by a ray tracing pipeline.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +12,7 @@ namespace vellum::render
 
 enum class Trace { Query, Pipeline };
 
-// Where a way of tracing takes place.
+// The stages in which a pipeline traces.
 struct TraceStages {
     VkPipelineBindPoint bindPoint;
     VkPipelineStageFlags pipelineStage;

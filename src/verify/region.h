@@ -23,8 +23,7 @@ struct Tolerances {
     double interpolation = 16.0 / (1 << 24); // of a texture coordinate, relative to the triangle's largest
 };
 
-// Which values are opaque, and which are transparent. Those between are neither, and nothing but unknown is true of
-// them.
+// The values that are opaque, and those that are transparent. Values between are neither: only unknown is true of them.
 struct AlphaRule {
     double transparentBelow = 0.5;
     double opaqueFrom = 0.5;
@@ -72,7 +71,7 @@ public:
     // The value in double precision.
     [[nodiscard]] Witness valueAt(const Part &part) const;
 
-    // How many more parts may be looked at. Huge slivers over a texture of noise would take hours.
+    // The number of further parts to examine. Huge slivers over a texture of noise would take hours.
     uint64_t work = 0;
 
 private:

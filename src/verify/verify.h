@@ -24,7 +24,8 @@ struct Options {
     double cutoff = 0.5;
     // Values that are nearer to the cutoff are neither opaque nor transparent (alphaMode BLEND).
     double band = 0;
-    // For margins, and for what is needlessly unknown; the baker's defaults. A claim is wrong without any.
+    // Tolerances for margins, and for findings of needlessly unknown; the baker's defaults. A wrong claim is wrong
+    // without tolerances.
     Tolerances tolerances;
     // Claims of 2-state data count as those of 4-state data: as wrong unless they hold all over the micro-triangle.
     // Otherwise they are taken for the approximation that they usually are, and only counted.

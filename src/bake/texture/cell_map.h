@@ -16,15 +16,15 @@
 namespace vellum
 {
 
-// A filtered value is surely opaque from `opaque` on, and surely transparent below `transparent`. They are equal but
-// for the tolerance of values.
+// A filtered value is certainly opaque from `opaque` on, and certainly transparent below `transparent`. They differ
+// only by the tolerance of values.
 struct Thresholds {
     double transparent;
     double opaque;
 };
 
-// A cell and the texels at its corners, named by their place in the cell: f<x><y>. Cells are counted in unwrapped
-// positions, from an origin that whoever asks has chosen.
+// A cell and the texels at its corners, named by their position in the cell: f<x><y>. Cells are counted in unwrapped
+// positions, from an origin that the caller chooses.
 struct Cell {
     int64_t x;
     int64_t y;

@@ -110,7 +110,7 @@ std::string describe(const MeshMicromap &use)
            describeUsage(use.usagePointers, use.usage);
 }
 
-// Where it is not the plainest.
+// Describes the members whose values are not the simplest ones.
 std::string describe(const oracle::MeshLayout &layout)
 {
     std::string text;

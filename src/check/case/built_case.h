@@ -29,7 +29,8 @@ public:
     [[nodiscard]] const Structure &top() const { return *top_; }
     // A top level of the same instances without flags, which rays of every mask see.
     [[nodiscard]] std::unique_ptr<Tlas> plainTop() const;
-    // Records what the case has in the submission that traces: all builds, or one in new memory beside the rays.
+    // Records the part of the case that belongs to the submission that traces: all builds, or one in new memory
+    // concurrent with the rays.
     void recordWithRays(VkCommandBuffer commands);
 
 private:
@@ -70,7 +71,7 @@ private:
     void buildMicromapBeside(Micromap &micromap, uint32_t number);
 
     [[nodiscard]] VkBuildAccelerationStructureFlagsKHR topFlags() const;
-    // How builds and updates of objects are done.
+    // How objects are built and updated.
     struct BuildMode {
         bool update = false, outOfPlace = false;
     };

@@ -47,7 +47,7 @@ VkQueryResultFlags resultFlags(const QueryCommand &command)
     return flags;
 }
 
-// Where results are in memory that a command writes to, which ends behind some bytes that it must not write.
+// The layout of results in memory that a command writes to. Guard bytes, which it must not write, follow.
 struct Layout {
     explicit Layout(const QueryCommand &command)
         : word(command.wide ? 8 : 4), tight(word * (command.availability ? 2 : 1)), offset(kUnit * command.offset),
@@ -102,7 +102,7 @@ struct BuiltCase::QueryRun {
             commands = gpu.begin();
         built.recordUnder(commands, function);
     }
-    // Submits what was recorded. Waits for it, and judges what it has copied, unless the command does that.
+    // Submits the recorded commands. Waits for them and checks the copied results, unless the command waits itself.
     void submit()
     {
         if (commands == VK_NULL_HANDLE)
@@ -249,7 +249,7 @@ void BuiltCase::QueryRun::read(const QueryCommand &command)
 
 void BuiltCase::QueryRun::copy(const QueryCommand &command)
 {
-    // Without VK_QUERY_RESULT_WAIT_BIT, the command does not wait for those that write the queries.
+    // Without VK_QUERY_RESULT_WAIT_BIT, the command does not wait for the commands that write the queries.
     if (!command.wait && writes)
         execute();
     const Layout layout(command);

@@ -16,7 +16,7 @@ namespace
 
 constexpr VkBufferUsageFlags kSerializedUsage =
     VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
-// Where the header of serialized data has these, after the version of 32 bytes.
+// Offsets in the header of serialized data, after the version of 32 bytes.
 constexpr size_t kHeaderSerializedSize = 32;
 constexpr size_t kHeaderDeserializedSize = 40;
 constexpr size_t kHeaderHandleCount = 48; // of a top level
@@ -159,7 +159,7 @@ void BuiltCase::applyToObject(const Step &step)
     }
 }
 
-// With BuildPlan::mixed, beside the first object that does not use the micromap of that number.
+// With BuildPlan::mixed, also builds the first object that does not use the micromap of that number.
 void BuiltCase::buildMicromapBeside(Micromap &micromap, uint32_t number)
 {
     OtherBuilds others;
@@ -440,7 +440,7 @@ void BuiltCase::reloadTop(const Step &step)
 }
 
 // One object is cloned, and another one built in its memory by the same submission, if that is large enough: its handle
-// is made while the first content is live, and the first one's destroyed when the second is.
+// is created while the first content is in use, and the first one's is destroyed when the second is.
 void BuiltCase::moveObject(Bottom &moved, uint32_t other)
 {
     Bottom &built = bottoms_[other];
@@ -486,7 +486,7 @@ uint64_t BuiltCase::query(VkQueryType type, uint32_t count,
     return pool.value(count - 1);
 }
 
-// A query of one, and one of it behind all others that can be asked: both must say the same.
+// Queries the structure alone, and after all others that can be queried: both results must be equal.
 VkDeviceSize BuiltCase::sizeOf(const Structure &structure, VkQueryType type)
 {
     std::vector<VkAccelerationStructureKHR> all;

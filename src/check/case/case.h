@@ -32,8 +32,8 @@ struct BuildPlan {
     bool instancePointers = false; // the top level reads an array of pointers
     bool geometryPointers = false; // the top level's geometry comes by ppGeometries
     bool single = false;           // everything by one command buffer, with the rays; without steps only
-    // Builds, copies and queries are recorded within conditional rendering whose predicate is false. They are none of
-    // the commands that it discards.
+    // Builds, copies and queries are recorded within conditional rendering whose predicate is false. It does not affect
+    // these commands.
     bool conditional = false;
     // Indirect builds allow that many triangles and instances more than they build: ppMaxPrimitiveCounts.
     uint32_t spareTriangles = 0;
@@ -159,9 +159,9 @@ struct QueryPlan {
 // How the rays are traced.
 struct TracePlan {
     enum class Method { Query, Pipeline };
-    // Where ray flags come from. Specialized, Literal: rays with the same flags are traced together, by a pipeline of
+    // The source of ray flags. Specialized, Literal: rays with the same flags are traced together, by a pipeline of
     // their own, so they should have few different ones; the parameters of traceRayEXT that name records are such
-    // constants, too. Of pipelines only: Mixed: two instructions trace, one with the literal flags of the first ray.
+    // constants, too. Only in pipelines: Mixed: two instructions trace, one with the literal flags of the first ray.
     // Computed: a function traces in a loop, with flags that it computes.
     enum class Flags { RunTime, Specialized, Literal, Mixed, Computed };
     // The execution mode of modules with ray queries (VK_KHR_opacity_micromap). False: sceneRule.
@@ -170,8 +170,8 @@ struct TracePlan {
     enum class From { RayGeneration, ClosestHit, Miss };
     // How a shader uses its ray query. Array: one of two queries in an array. Functions: functions that get it as a
     // parameter initialize it, proceed and read it. Again: it is initialized with other flags and proceeds before.
-    // Sites: it is initialized and proceeds in two places, of which rays take either. Getters: origins, directions and
-    // transforms are read as well.
+    // Sites: it is initialized and proceeds in two locations, of which rays take either. Getters: origins, directions
+    // and transforms are read as well.
     enum class Query { Plain, Array, Functions, Again, Sites, Getters };
 
     Method method = Method::Query;

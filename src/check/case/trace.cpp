@@ -50,7 +50,7 @@ std::optional<std::string> sceneRule(const Device &gpu, const TracePlan &plan, c
 {
     if (!hasMicromaps(scene))
         return {};
-    // Both rules ask how structures were built. An instance that disables micromaps makes no difference.
+    // Both rules depend on how structures were built. An instance that disables micromaps makes no difference.
     if (plan.method == TracePlan::Method::Pipeline && plan.withoutMicromaps)
         return "VUID-vkCmdTraceRaysKHR-micromap-11640: the pipeline lacks the micromap bit";
     if (plan.method == TracePlan::Method::Query && gpu.khr() && !consumesMicromaps(plan))
@@ -242,7 +242,7 @@ private:
     TracePlan plan_;
     // By the constant flags of rays, or 0.
     std::map<uint32_t, std::unique_ptr<Tracer>> queries_;
-    // By that and the number of the pipeline: one for each table.
+    // By the flags and the number of the pipeline: one for each table.
     std::map<std::pair<uint32_t, size_t>, std::vector<std::unique_ptr<PipelineTracer>>> rayPipelines_;
     std::vector<PipelinePlan> pipelines_;
 };

@@ -95,7 +95,7 @@ Case builds(Random &random, const DeviceLimits &limits)
     return c;
 }
 
-// Geometry in all its forms, in structures that are built, updated and copied in all ways.
+// Geometry in all its forms, in structures that are built, updated and copied by all commands.
 Case geometry(Random &random, const DeviceLimits &limits)
 {
     using Kind = Step::Kind;

@@ -277,7 +277,7 @@ Case highestLevel(Random &random, uint16_t format, uint32_t level)
     return c;
 }
 
-// The same by a ray tracing pipeline.
+// As above, by a ray tracing pipeline.
 template <MakeCase make>
 Case byPipeline(Random &random, const DeviceLimits &limits)
 {

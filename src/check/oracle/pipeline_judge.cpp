@@ -363,7 +363,7 @@ private:
         return describe("the committed hit is not the nearest", result_);
     }
 
-    // Nearer than the hit that stays, nothing may have been left out.
+    // No candidate nearer than the final hit may be missing.
     std::string leftOut()
     {
         if (end() != nullptr || ((ray_.flags & kRayTerminateOnFirstHit) != 0 && result_.committed != kNone))

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Judges what the shaders of a ray tracing pipeline saw.
+// Checks what the shaders of a ray tracing pipeline observed.
 #pragma once
 
 #include <string>

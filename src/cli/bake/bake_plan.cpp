@@ -29,7 +29,7 @@ fs::path besideInput(const fs::path &input)
     return output.replace_extension(".omm") += input.extension();
 }
 
-// One name for each location in the file system. A link at the location is replaced itself.
+// One name for each location in the file system. A link at the location is not followed, as a write replaces it.
 fs::path locationOf(const fs::path &path)
 {
     std::error_code error;

@@ -19,7 +19,7 @@ namespace vellum::cli
 enum class PartKind {
     Device,    // what the device is, and who implements micromaps
     Check,     // random cases against the oracle of `vellum check`
-    Frames,    // frames with micromaps beside frames with alpha tests
+    Frames,    // frames with micromaps compared with frames with alpha tests
     Builds,    // micromaps and acceleration structures
     Pipelines, // making pipelines
 };
@@ -36,7 +36,7 @@ struct Part {
     [[nodiscard]] std::string name() const;
 };
 
-// Which device, and where the layer is.
+// The device, and the folder of the layer.
 struct BenchDevice {
     gpu::DeviceSelection device;
     std::optional<std::filesystem::path> layerFolder;

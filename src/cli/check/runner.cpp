@@ -171,7 +171,7 @@ void Runner::Slot::startWaiting()
     process_->startWaiting();
 }
 
-// No worker runs current_.
+// Marks that no worker runs current_.
 void Runner::Slot::abandon()
 {
     const CaseId id = *std::exchange(current_, std::nullopt);
@@ -342,8 +342,8 @@ bool Runner::mustConfirm(const Finished &finished) const
     return confirmed == confirmed_.end() || confirmed->second < kMostConfirmations;
 }
 
-// While other workers run, what they use is missing here: there is no reason to give up. Slots that fail at the same
-// time count as one.
+// If other workers run, this failure to start is due to a lack of resources, so the run continues. Slots that fail at
+// the same time count as one.
 void Runner::noteFailedStart(const std::string &error, Clock::time_point time)
 {
     if (workers_ != 0 || std::chrono::duration<double>(time - lastFailedStart_).count() <= kSecondsBetweenStarts)

@@ -79,8 +79,8 @@ private:
     std::map<std::string, size_t> confirmed_; // cases that failed twice, by cause
 };
 
-// The device that workers with these options test. Throws Error where there is none, and UsageError where the layer
-// ignores a setting, so that cases would run otherwise than the environment asks for.
+// The device that workers with these options test. Throws Error if it does not exist, and UsageError if the layer
+// ignores a setting, because cases would then not run as the environment requests.
 DeviceSummary askForDevice(const WorkerOptions &options, double timeout);
 
 } // namespace vellum::cli

@@ -171,7 +171,7 @@ void FileReader::readStored()
     report_.micromaps = summariesOf(stored.micromaps);
 }
 
-// By the baker itself, at the fastest level.
+// Finds them by a bake at the fastest level.
 void FileReader::findSkipped()
 {
     attempt("bake", [&] {

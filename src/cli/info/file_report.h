@@ -43,7 +43,7 @@ struct FileReport {
 
 FileReport reportFile(const Document &document);
 
-// Without `verbose`, long lists are cut off.
+// Without `verbose`, long lists are truncated.
 void print(const FileReport &report, bool verbose);
 void write(const FileReport &report, JsonWriter &json);
 

@@ -19,7 +19,7 @@ namespace vellum::cli
 // Reads a module, from stdin for "-", and checks its structure. Throws Error.
 std::vector<uint32_t> readModule(const std::filesystem::path &path);
 
-// The error in the structure of a module; empty if there is none.
+// The error in the structure of a module; empty if it is valid.
 std::string structureError(std::span<const uint32_t> words);
 
 inline std::span<const uint8_t> bytesOf(std::span<const uint32_t> words)

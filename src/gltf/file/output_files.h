@@ -36,7 +36,7 @@ bool sameBytes(const std::filesystem::path &a, const std::filesystem::path &b);
 class OutputFiles
 {
 public:
-    // `cancelled` is asked now and then; BakeCancelled is thrown once it returns true.
+    // `cancelled` is called repeatedly; BakeCancelled is thrown once it returns true.
     explicit OutputFiles(std::function<bool()> cancelled) : cancelled_(std::move(cancelled)) {}
     ~OutputFiles();
     OutputFiles(const OutputFiles &) = delete;

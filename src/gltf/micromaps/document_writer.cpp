@@ -43,7 +43,7 @@ void padTo(std::vector<uint8_t> &bytes, size_t alignment, uint8_t with = 0)
     bytes.resize(alignUp(bytes.size(), alignment), with);
 }
 
-// In hexadecimal digits: the same bytes have the same name.
+// In hexadecimal digits: equal bytes have equal names.
 std::string digest(std::span<const uint8_t> bytes)
 {
     const uint64_t hash = hashBytes(bytes.data(), bytes.size());

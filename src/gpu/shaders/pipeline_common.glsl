@@ -14,7 +14,7 @@ struct Candidate { // an any-hit invocation
     float v;
 };
 
-struct Note { // beside each candidate
+struct Note { // one for each candidate
     uint flags;
     uint hitKind;
     uint record; // recordRead()
@@ -32,7 +32,7 @@ struct Visit { // an invocation of an intersection shader
     float tMin;
 };
 
-struct More { // beside each result
+struct More { // one for each result
     uint visits;
     uint hitKind;
     uint record;

@@ -109,7 +109,7 @@ class Viewer {
     this.draw();
   }
 
-  // Where the canvas's corner is in the plane, in whole pixels, so that tiles are aligned to pixels.
+  // The position of the canvas's corner in the plane, in whole pixels, so that tiles are aligned to pixels.
   corner() {
     return [Math.round(this.center[0] * this.scale - this.canvas.width / 2),
             Math.round(this.center[1] * this.scale - this.canvas.height / 2)];
@@ -186,7 +186,7 @@ class Viewer {
       for (let u = u0; u <= u1; ++u) this.drawTexture(source, u, v, left, top);
   }
 
-  // The part of one repetition of the texture that is visible; with clamping, its outermost texels beside it.
+  // Draws the visible part of one repetition of the texture; with clamping, also its outermost texels beyond the edge.
   drawTexture(source, u, v, left, top) {
     const axis = (cell, corner, size, texels, wrap) => {
       const start = wrap === "clamp" && cell < 0 ? 0 : Math.max(0, cell * this.scale - corner);

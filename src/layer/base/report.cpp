@@ -43,7 +43,7 @@ void append(const std::string &file, std::string line)
         std::fprintf(stderr, "vellum: %s cannot be written\n", file.c_str());
 }
 
-// Of this thread. It has no destructor: at the end of a thread, mingw-w64 frees thread_local objects before it destroys
+// Per thread. It has no destructor: at the end of a thread, mingw-w64 frees thread_local objects before it destroys
 // them.
 thread_local HeldMessages *held = nullptr;
 

@@ -80,7 +80,7 @@ private:
     bool isWithinLimit(const std::string &id);
 
     ReportLevel level_ = ReportLevel::None;      // on stderr
-    ReportLevel levelAlone_ = ReportLevel::None; // the same while there is no messenger
+    ReportLevel levelAlone_ = ReportLevel::None; // as above, without a messenger
     bool strict_ = false;
     std::string file_;   // that messages are appended to; empty: none
     uint32_t limit_ = 0; // of messages with the same id; 0: none

@@ -26,7 +26,7 @@ namespace
 {
 
 PermanentRegistry<Device> devices;
-// Nothing is destroyed at the end of the process.
+// No destructor runs at the end of the process.
 static_assert(std::is_trivially_destructible_v<PermanentRegistry<Device>>);
 
 void reportDeviceError(Instance &instance, VkPhysicalDevice handle, const char *id, const std::string &text)
@@ -215,7 +215,8 @@ public:
     VkResult create(const NextLayer &next, const VkAllocationCallbacks *allocator, VkDevice *handle);
     // Creates what the layer needs on it.
     VkResult start();
-    // Creates the validation of the device, whose commands can be found by now. Without memory there is none.
+    // Creates the validation of the device, whose commands can be found by now. Without memory the device has no
+    // validation.
     void startValidation(Device &added) const;
 
     std::unique_ptr<Device> device = std::make_unique<Device>();
@@ -224,7 +225,7 @@ private:
     VkResult prepareEmulation();
     VkResult prepareTranslation();
     VkResult startEmulation();
-    // As the application sees them.
+    // The limits as the application sees them.
     [[nodiscard]] RuleLimits ruleLimits(const EnabledFeatures &enabled) const;
 
     Instance &instance_;

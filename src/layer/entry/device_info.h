@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// VkDeviceCreateInfo: what the application enables, and what the driver is asked for instead.
+// VkDeviceCreateInfo: what the application enables, and what the layer requests of the driver instead.
 #pragma once
 
 #include <vector>

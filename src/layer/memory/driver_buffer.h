@@ -23,13 +23,13 @@ public:
     DriverBuffer(const DriverBuffer &) = delete;
     DriverBuffer &operator=(const DriverBuffer &) = delete;
 
-    // By the application. Without it, the destructor leaves the driver's buffer alone.
+    // Called when the application destroys the buffer. Without it, the destructor leaves the driver's buffer alone.
     void destroy() { destroyed_ = true; }
 
 private:
     DeviceBuffers &device_;
     const VkBuffer handle_;
-    bool destroyed_ = false; // written by an owner, read when there is none left
+    bool destroyed_ = false; // written by an owner, read when no owner is left
 };
 
 } // namespace vellum::layer

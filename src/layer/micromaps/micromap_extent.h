@@ -12,7 +12,7 @@
 namespace vellum::layer
 {
 
-// In MicromapBuild::flags: the build is lossy. Only VK_KHR_opacity_micromap has the flag.
+// A flag in MicromapBuild::flags: the build is lossy. Only VK_KHR_opacity_micromap has the flag.
 inline constexpr VkBuildMicromapFlagsEXT kLossyBuild = 0x400;
 
 // Number of blocks of triangles.

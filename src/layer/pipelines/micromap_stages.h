@@ -52,7 +52,7 @@ private:
 spirv::PayloadTypes payloadTypes(const DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
                                  std::vector<std::optional<spirv::TypeWords>> &incoming);
 
-// How the stages of one pipeline are rewritten.
+// The rewrite parameters of the stages of one pipeline.
 struct StageRewrite {
     spirv::HiddenFlags hidden;                             // its payload: that of rays whose group declares none
     std::vector<std::optional<spirv::TypeWords>> payloads; // payloadTypes()

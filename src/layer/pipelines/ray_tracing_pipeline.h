@@ -21,7 +21,7 @@ struct DevicePipelines;
 
 inline constexpr uint32_t kGroupHandleBytes = 32; // shaderGroupHandleSize is always this
 
-// How hidden ray flags travel in the code of a pipeline (spirv::HiddenFlags).
+// How hidden ray flags are passed in the code of a pipeline (spirv::HiddenFlags).
 struct HiddenInBinary {
     bool known = false;
     uint32_t fixed = 0;
@@ -37,7 +37,7 @@ struct LibraryStage {
 // A pipeline that uses micromaps.
 struct RayTracingPipeline {
     uint32_t ownGroups = 0; // groups of the create info; those of libraries follow
-    // In the driver's pipeline the layer's hit group, which replaces null handles, follows ownGroups.
+    // The index of the layer's hit group, which replaces null handles, is ownGroups in the driver's pipeline.
     bool hasNullGroup = false;
     PooledMemory standIn;         // hit record with that group's handle
     bool hasBoxes = false;        // has procedural hit groups, including those of libraries

@@ -17,7 +17,7 @@ enum class Part {
     UpToEnd, // any bytes, but none beyond the range
 };
 
-// A range. Without an id there is no such rule.
+// A range. A null id: there is no such rule.
 struct Range {
     VkFlags64 usage;     // of its buffer
     const char *usageId; // no buffer of the range has the usage

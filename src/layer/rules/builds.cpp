@@ -176,7 +176,7 @@ constexpr Rule<Build> kExtInfo[] = {
      }},
 };
 
-// There is no other mode.
+// Only the build mode BUILD exists.
 Found wrongMode(const Build &c)
 {
     return when(!c.build.isBuild, "it is not VK_BUILD_MICROMAP_MODE_BUILD_EXT");
@@ -546,7 +546,7 @@ constexpr Rule<Structure> kStructure[] = {
          });
      }},
 };
-// Not of indirect builds.
+// Rules of direct builds only.
 constexpr Rule<Structure> kDirectStructure[] = {
     {"VUID-vkCmdBuildAccelerationStructuresKHR-mode-04628", Report, "mode",
      [](const Structure &c) {
@@ -603,7 +603,7 @@ Found unneededIndices(const Attached &c)
     return when(!c.indexed() && c.attachment.indexBuffer.deviceAddress != 0,
                 "it is not null, although indexType is VK_INDEX_TYPE_NONE_KHR");
 }
-// Null is no buffer, and a geometry without triangles reads none.
+// Null is not a buffer, and a geometry without triangles reads none.
 Found noIndices(const Attached &c)
 {
     const VkDeviceAddress indices = c.attachment.indexBuffer.deviceAddress;
@@ -647,7 +647,7 @@ Found wrongCounts(const Attached &c, uint64_t least, uint64_t most)
                std::to_string(most) + " of the geometry have an index into the micromap";
     });
 }
-// At most all triangles have one. How many have, only the device knows: the check `gpu` counts them.
+// All triangles at most have one. Only the device knows how many do: the check `gpu` counts them.
 Found wrongDeviceCounts(const Attached &c)
 {
     return c.ranges.given() ? wrongCounts(c, 0, c.attachment.micromap ? c.ranges.primitives(c.geometry) : 0) : Found{};

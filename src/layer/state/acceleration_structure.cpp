@@ -184,7 +184,7 @@ bool takeDeserialized(StructureLocation &location)
     return true;
 }
 
-// With the location's mutex held.
+// The location's mutex must be locked.
 void setContent(StructureLocation &location, VkAccelerationStructureTypeKHR type, VkDeviceSize bytes)
 {
     location.content = type;

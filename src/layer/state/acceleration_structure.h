@@ -68,7 +68,7 @@ void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR ty
 void becomesUnknown(AccelerationStructure &structure, uint32_t deserialization);
 // A top-level build of up to that many instances was recorded.
 void becomesTopLevel(AccelerationStructure &structure, uint32_t instances, VkDeviceSize bytes);
-// With translated micromaps: a structure of that type was recorded, which may name micromaps.
+// With translated micromaps: records that a structure of that type was recorded, which may name micromaps.
 void becomesStructure(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, bool namesMicromaps);
 bool namesMicromaps(const AccelerationStructure &structure);
 // The size of what was recorded last; 0: only the device knows it.
@@ -112,7 +112,7 @@ void becomeMicromap(DeviceState &device, AccelerationStructure &structure);
 // Publishes the micromap that a structure is or can hold: serialized structures may name it by the address of its
 // memory.
 void publishMicromap(DeviceState &device, AccelerationStructure &structure);
-// The same for a structure of vkCreateAccelerationStructureKHR: now, or when its buffer is bound to memory.
+// As above, for a structure of vkCreateAccelerationStructureKHR: now, or when its buffer is bound to memory.
 void publishMicromapOnceBound(DeviceState &device, const std::shared_ptr<AccelerationStructure> &structure);
 void bufferHasAddress(DeviceState &device, VkBuffer buffer);
 

@@ -67,8 +67,8 @@ public:
     // descriptor. Its address is 0 if there is no memory.
     StructureDescriptor acquireDescriptor(VkDeviceAddress reference);
     void releaseDescriptor(VkDeviceAddress reference);
-    // Adds a reference that leads to the descriptor of a known one; paired with a releaseDescriptor. False if it leads
-    // to another descriptor already, or there is no memory.
+    // Adds a reference that leads to the descriptor of a known one; paired with a releaseDescriptor. Returns false if
+    // it leads to another descriptor already, or memory runs out.
     bool addReference(VkDeviceAddress reference, VkDeviceAddress known);
     // Adds a synthetic key, which is not an address, to the descriptor of a known reference; paired with a
     // releaseDescriptor. 0 if there is no memory.

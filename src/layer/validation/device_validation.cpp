@@ -29,7 +29,7 @@ DeviceValidation::~DeviceValidation()
 namespace
 {
 
-// What a build needs where micromaps are the driver's own.
+// The memory that a build needs where micromaps are the driver's own.
 std::optional<input::BuildNeeds> driverNeeds(const DeviceModel &device, const input::MicromapBuild &build)
 {
     const auto type =

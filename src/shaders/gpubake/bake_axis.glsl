@@ -93,7 +93,7 @@ Run runFrom(Axis axis, int i, int wanted)
 }
 
 // The stored cells of all cells from i on, `count` of them: two intervals, of which the second may be empty (z > w).
-// But for repetition, cells that are neighbours are so when they are stored, too, so that one interval holds all.
+// Except for repetition, neighbouring cells are also neighbours when stored, so one interval holds all.
 ivec4 storedIntervals(Axis axis, int i, int count)
 {
     if (count >= 2 * axis.cells)

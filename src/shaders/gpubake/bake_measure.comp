@@ -14,7 +14,7 @@ bool hasTwo(uint states)
     return (states & (states - 1u)) != 0u;
 }
 
-// Which of 16 states occur, or of fewer, as bits.
+// The set of states that occur among 16 or fewer, as bits.
 uint occurring(uint states, uint level)
 {
     const uint those = filled(1u, level);

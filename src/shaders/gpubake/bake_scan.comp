@@ -4,7 +4,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "gpubake/bake_list.glsl"
 
-// For each level as many segments of blocks.
+// Each level has that many segments of blocks.
 layout(local_size_x = 128) in;
 const uint kSegments = kBakeBlock / 16u;
 

@@ -22,10 +22,10 @@ layout(constant_id = 3) const uint kFirstSlotsHigh = 0u;
 // but addressed by unit.
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Quads { uvec4 at[]; };
 
-// Two adjacent words are declared as an address, whether they are one or not: a CPU driver loads each member lane by lane,
-// and an address by one load. glslang uses the alignment of the type that it points to as that of the load. The address is
-// in a structure because glslang declares RuntimeDescriptorArray for a runtime array of addresses, and devices need not
-// support that.
+// Two adjacent words are declared as an address, even if they are not one: a CPU driver loads each member lane by lane,
+// and an address by one load. glslang uses the alignment of the type that it points to as that of the load. The address
+// is in a structure because glslang declares RuntimeDescriptorArray for a runtime array of addresses, and devices need
+// not support that.
 layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Eight { uint w[]; };
 struct Pair {
     Eight words;

@@ -57,11 +57,11 @@ void lowerAllLevels(Attempts &attempts);
 void removeParts(Attempts &attempts);
 // States, levels and formats.
 void simplifyMicromaps(Attempts &attempts);
-// How meshes use micromaps.
+// The uses of micromaps by meshes.
 void simplifyUses(Attempts &attempts);
 // Instances, rays and coordinates.
 void simplifyScene(Attempts &attempts);
-// How it is built and traced, and the kinds of steps.
+// How the case is built and traced, and the kinds of steps.
 void simplifyPlans(Attempts &attempts);
 
 } // namespace vellum::check

@@ -34,7 +34,7 @@ class GpuLog
 {
 public:
     VkResult create(const GpuContext &context);
-    // For push constants.
+    // The address for push constants.
     [[nodiscard]] VkDeviceAddress address() const { return log_.address(); }
     // Reports the findings since the last call.
     void drain(GpuChecks &gpu);

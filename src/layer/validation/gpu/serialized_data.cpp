@@ -128,8 +128,8 @@ void reportBlocks(const Command &command, Words words)
     });
 }
 
-// Whether the data has sizes and blocks after the version. In that of micromaps the specification defines the version
-// only; emulation writes the sizes all the same. What a generic structure gets is not known.
+// Returns whether the data has sizes and blocks after the version. In that of micromaps the specification defines the
+// version only; emulation writes the sizes as well. The content of a generic structure is unknown.
 bool hasSizes(const DeviceModel &device, VkAccelerationStructureTypeKHR type)
 {
     return device.emulated || type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR ||

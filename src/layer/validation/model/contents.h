@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What acceleration structures and micromaps hold: what the host knows of the build or copy, and what is known only
-// from data on the GPU, which shaders beside a build write to memory of the host.
+// The contents of acceleration structures and micromaps: facts that the host knows of the build or copy, and facts that
+// follow from data on the GPU, which shaders next to a build write to memory of the host.
 #pragma once
 
 #include <algorithm>
@@ -102,7 +102,7 @@ struct GeometryContents {
     CapturedIndices indices;                    // into it
 };
 
-// What a build or a copy put into a structure.
+// The content that a build or a copy gave a structure.
 struct StructureContents {
     VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     VkFlags flags = 0; // VkBuildAccelerationStructureFlagsKHR, or for a VkMicromapEXT VkBuildMicromapFlagsEXT

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What rules ask about a device: the features that the application enabled on it, and its limits.
+// The facts about a device that rules use: the features that the application enabled on it, and its limits.
 #pragma once
 
 #include <cstdint>

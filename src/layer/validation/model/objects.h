@@ -101,10 +101,10 @@ private:
 struct ValidatedBuffer {
     VkBuffer handle = VK_NULL_HANDLE;
     VkDeviceSize size = 0;
-    VkFlags64 usage = 0; // that the application asked for
+    VkFlags64 usage = 0; // as the application requested
     VkBufferCreateFlags flags = 0;
     bool exclusive = false; // it belongs to one queue family at a time
-    // Other threads may ask for these while the application destroys or frees what is idle.
+    // Other threads may read these while the application destroys or frees idle objects.
     std::atomic<bool> destroyed = false;
     std::atomic<bool> memoryFreed = false;
     std::atomic<VkDeviceMemory> memory = VK_NULL_HANDLE; // null until it is bound, and once the memory is freed
@@ -196,7 +196,7 @@ public:
         return find(references_, reference);
     }
     [[nodiscard]] std::optional<Loss> byNumber(uint64_t number) const { return find(numbers_, number); }
-    // Of all times.
+    // The number of losses so far, including those that are no longer kept.
     [[nodiscard]] uint64_t count() const { return count_; }
 
 private:
@@ -281,11 +281,11 @@ class StructuresByMemory
 public:
     // Before it, the address of the structure is set.
     void add(const std::shared_ptr<ValidatedStructure> &structure);
-    // Those that may hold a micromap now. CommandLogs::submissions is held.
+    // The micromaps that may be at the address now. CommandLogs::submissions is held.
     [[nodiscard]] std::vector<std::shared_ptr<ValidatedStructure>> at(VkDeviceAddress address) const;
-    // Whether one begins there or ever did; true if that is not known.
+    // Returns whether a micromap begins there or ever did; true if that is not known.
     [[nodiscard]] bool everAt(VkDeviceAddress address) const;
-    // Whether the addresses of all are known.
+    // Returns whether the addresses of all are known.
     [[nodiscard]] bool isComplete() const;
 
 private:
@@ -353,7 +353,7 @@ void setContents(DeviceModel &device, const std::shared_ptr<ValidatedStructure> 
                  std::shared_ptr<const StructureContents> contents);
 // Instances name the structure by that address.
 void setReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure, VkDeviceAddress address);
-// The same for a structure that is about to be constructed: the application may know the address from an earlier one
+// As above, for a structure that is about to be constructed: the application may know the address from an earlier one
 // that was there. `structure`: null if it is unknown.
 void findReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure);
 // Whether structures may keep a copy of a micromap that they attach. CommandLogs::submissions is held.
@@ -362,7 +362,7 @@ bool mayBeDiscardable(const DeviceModel &device, const ValidatedStructure &micro
 std::string isNotConstructed(const DeviceModel &device, const ValidatedStructure &structure);
 // Why a structure has no memory, as a clause; null: it has memory, or that is not known.
 const char *lacksMemory(const DeviceModel &device, const ValidatedStructure &structure);
-// The contents of a structure that was made in a way that does not show them.
+// The contents of a structure whose build or copy does not show them.
 std::shared_ptr<StructureContents> unknownContents(VkAccelerationStructureTypeKHR type);
 // The buffer at an address; null if there is none or it is unknown.
 std::shared_ptr<ValidatedBuffer> bufferAt(const DeviceModel &device, VkDeviceAddress address);

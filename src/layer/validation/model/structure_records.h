@@ -53,7 +53,7 @@ public:
     void setIncomplete();
 
     [[nodiscard]] VkDeviceAddress address() const { return records_.address(); }
-    // Of record 0, which states nothing, for null.
+    // The address of a record; for null that of record 0, which states nothing.
     [[nodiscard]] VkDeviceAddress addressOf(const Owner *record) const
     {
         return address() + (record ? record->index() : 0) * sizeof(RecordWords);
@@ -64,7 +64,7 @@ public:
     void set(const DeviceTable &next, VkCommandBuffer commandBuffer, const Owner &record,
              const RecordWords &words) const;
     void copy(const DeviceTable &next, VkCommandBuffer commandBuffer, const Owner *from, const Owner &to) const;
-    // The same at once, for commands of the host.
+    // These two write at once, for commands of the host.
     void set(const Owner &record, const RecordWords &words);
     void copy(const Owner *from, const Owner &to);
 

@@ -32,7 +32,7 @@ void checkBuffer(const RuleCheck &check, const ValidatedBuffer &buffer, VkFlags 
 
 void checkRange(const RuleCheck &check, const VkDeviceAddressRangeKHR &range, VkFlags createFlags)
 {
-    // Of several buffers at the address, the host does not know which one the application means.
+    // If several buffers are at the address, the host does not know which one the application means.
     const DeviceModel &device = check.device();
     const AddressMap::Location only = device.buffers.addresses.onlyCovering(range.address, range.size, 0);
     if (const auto buffer = only.buffer ? device.objects.buffers.get(only.buffer) : nullptr)

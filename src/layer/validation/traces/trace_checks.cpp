@@ -265,7 +265,7 @@ std::optional<LostPart> lostPart(const DeviceModel &device, const TraceUse &use,
             continue;
         const auto structure = device.objects.byReference.at(references[i]);
         if (!structure || structure->destroyed || lacksMemory(device, *structure)) {
-            // What was lost before the structure was built is a violation of the build.
+            // A loss before the structure was built is a violation of the build.
             const auto loss = lost.byReference(references[i]);
             if (loss && loss->number > built && loss->number <= use.number)
                 return LostPart{i, *loss};

@@ -74,7 +74,7 @@ struct TraceUse {
 
 // A geometry below a top-level structure.
 struct MetGeometry {
-    std::shared_ptr<ValidatedStructure> structure; // null: there is none
+    std::shared_ptr<ValidatedStructure> structure; // null: none
     uint32_t index = 0;
     std::string wrong{}; // kRuleDeserialized: what is wrong
 };
@@ -88,7 +88,7 @@ struct BrokenRules {
 class TraceMarks
 {
 public:
-    // A mark for a site with these rules; null if there is none left.
+    // A mark for a site with these rules; null if all are in use.
     std::shared_ptr<const TraceMark> add(const GpuContext &context, uint32_t rules);
     [[nodiscard]] VkDeviceAddress address() const { return memory_.address(); }
     // The use is submitted.
@@ -104,14 +104,14 @@ private:
         bool frozen = false; // it was executed: later uses are not considered
         bool reported = false;
         bool watched = false; // it has uses
-        bool unused = false;  // its mark was given back while it was watched
+        bool unused = false;  // its mark was released while it was watched
         std::optional<TraceUse> first;
         BrokenRules byFirst;
         std::vector<TraceUse> uses; // of which it is not known yet what they break
     };
     void start(Site &site) const;
     void giveBack(uint32_t index);
-    // A site that is not watched any more. Its mark is free if it was given back. Returns true, for std::erase_if.
+    // Stops watching a site. Its mark is free if it was released. Returns true, for std::erase_if.
     bool forget(uint32_t index);
     // Considers the uses of which it is known what they break. Returns whether none is left.
     static bool fold(const DeviceModel &device, Site &site);
@@ -166,7 +166,8 @@ void bindTracingShaders(DeviceTraces &traces, VkCommandBuffer commandBuffer, uin
 // `command` runs what is bound. Other bind points than those that the model knows run no traces.
 void runTracing(DeviceTraces &traces, VkCommandBuffer commandBuffer, VkPipelineBindPoint point, const char *command);
 
-// Records what fills the contents of a structure, which a direct build constructs, beside what the host knows.
+// Records the commands that fill the contents of a structure, which a direct build constructs, beyond what the host
+// knows.
 void captureContents(DeviceModel &device, VkCommandBuffer commandBuffer, const input::StructureBuild &build,
                      StructureContents &contents);
 
