@@ -79,7 +79,7 @@ struct Times {
     double median = 0, worst = 0;
 };
 
-// By side. Of the first its own times; of the others what they take more than the first right before them.
+// By side. For the first, its own times; for the others, the additional time over the first right before them.
 std::vector<Times> measure(const CommandCase &command, const std::vector<std::unique_ptr<CommandSide>> &sides,
                            const BenchOptions &options)
 {
