@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which triangles to give a lower level so that a micromap fits a budget.
+// Chooses the triangles that get a lower level so that a micromap fits a budget.
 #pragma once
 
 #include <array>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the layer is, seen from the command: how it is turned on without any installation step.
+// Finds the layer next to the command, and turns it on without an installation.
 #pragma once
 
 #include <filesystem>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How long the commands of a submission take on the device.
+// Measures the commands of a submission on the device.
 #pragma once
 
 #include <functional>

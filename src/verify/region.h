@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which outcomes the alpha test has over a micro-triangle, found by division: bounds of all texels that a box around it
-// reads settle most, a part that they leave open is divided in four, and the smallest parts are looked at cell by cell.
-// Nothing is decided by rounding: what double precision hides is decided in fractions, or stays open.
+// Determines the outcomes of the alpha test over a micro-triangle, by division: bounds of all texels that a box around
+// it reads decide most, a part that they leave open is divided in four, and the smallest parts are examined cell by
+// cell. Nothing is decided by rounding: what double precision hides is decided in fractions, or stays open.
 #pragma once
 
 #include <array>

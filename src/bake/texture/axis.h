@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How positions along one axis of a texture lead to texels: a sampler's address mode.
+// Maps positions along one axis of a texture to texels, by a sampler's address mode.
 //
 // Cell i is the interval between the centres of texels i and i + 1, for any integer i. An address mode folds all of
 // them onto a few stored cells. Stored cells are consecutive and read the texels of a padded row: stored cell s reads

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where in a texture the alpha test can change: one bit for each cell, the square between four texel centres.
+// The cells of a texture in which the alpha test can change: one bit for each cell, the square between four texel
+// centres.
 //
 // In a cell whose four texels are on one side of the cutoff the filtered value stays there, whatever the filter. Only
-// the other cells, the mixed ones, need a look inside, and they are few: the outlines of leaves.
+// the other cells, the mixed ones, need closer examination, and they are few: the outlines of leaves.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What groups make random cases with.
+// Building blocks of the groups' random cases.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How long builds and the making of pipelines take, on a device with the layer and without.
+// Measures builds and the creation of pipelines, on a device with the layer and without.
 #pragma once
 
 #include <array>

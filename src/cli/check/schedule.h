@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which cases run, and in which order.
+// The order of the cases that run.
 #pragma once
 
 #include <functional>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// By libpng, libjpeg and libwebp.
+// Uses libpng, libjpeg and libwebp.
 #include <array>
 #include <csetjmp>
 #include <cstdio>

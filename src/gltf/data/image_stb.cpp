@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// By stb_image, in builds without the image libraries: PNG and JPEG.
+// Uses stb_image, in builds without the image libraries: PNG and JPEG.
 #include <memory>
 #include <string_view>
 #include <zlib.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a file to its bytes, and to the JSON in them.
+// Reads the bytes of a file, and the JSON in them.
 #pragma once
 
 #include <cstddef>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a glTF file to one with micromaps.
+// Bakes a glTF file and writes one with micromaps.
 #pragma once
 
 #include <filesystem>

@@ -52,7 +52,7 @@ std::string settingId()
     return std::string(kMessagePrefix) + "VELLUM-setting";
 }
 
-// Whether the process has not printed the text yet.
+// Returns whether the process has not printed the text yet.
 bool isNewFault(const std::string &text)
 {
     static std::mutex mutex;

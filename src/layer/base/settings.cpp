@@ -93,7 +93,7 @@ struct Given {
     [[nodiscard]] std::string is(const std::string &found) const { return key + " is " + found + " (" + origin + ")"; }
 };
 
-// Whether the setting is a limit of subdivision levels.
+// Returns whether the setting is a limit of subdivision levels.
 bool isLevel(uint32_t Settings::*setting)
 {
     return setting == &Settings::most2StateLevel || setting == &Settings::most4StateLevel ||

@@ -74,7 +74,7 @@ const Row *find(const char *name)
     return row != kRows.end() && row->command == command ? row : nullptr;
 }
 
-// Whether the layer intercepts a command on a device; `next` is the command of the next layer.
+// Returns whether the layer intercepts a command on a device; `next` is the command of the next layer.
 bool applies(Scope scope, const Driver &driver, PFN_vkVoidFunction next)
 {
     const bool provided = driver.providesMicromaps();

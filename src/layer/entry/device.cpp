@@ -46,7 +46,7 @@ Mode modeOf(const VkDeviceCreateInfo &info, const Implementations &have)
     return identifiers && have.mixesIdentifiers() ? Mode::Identifiers : Mode::PassThrough;
 }
 
-// Whether the application enables anything whose implementation depends on the layer.
+// Returns whether the application enables anything whose implementation depends on the layer.
 bool dependsOnLayer(const VkDeviceCreateInfo &info)
 {
     for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
@@ -132,8 +132,8 @@ VkResult checkExtensions(Instance &instance, VkPhysicalDevice handle, const VkDe
     return VK_ERROR_EXTENSION_NOT_PRESENT;
 }
 
-// Whether a device consists of several physical devices. Each would have its own instance of the layer's tables, which
-// the host could not map (VUID-vkMapMemory-memory-00683).
+// Returns whether a device consists of several physical devices. Each would have its own instance of the layer's
+// tables, which the host could not map (VUID-vkMapMemory-memory-00683).
 bool isGroup(const VkDeviceCreateInfo &info)
 {
     const auto *group =

@@ -42,11 +42,11 @@ const ConflictingExtension *conflictingExtension(const VkDeviceCreateInfo &info,
 void clearConflictingFeatures(VkPhysicalDeviceFeatures2 &features, const Implementations &have,
                               const EnabledFeatures &named);
 
-// Whether an extension is for ray tracing, by its name, and newer than this version of the layer: it may build
+// Returns whether an extension is for ray tracing, by its name, and newer than this version of the layer: it may build
 // structures, or trace rays, in ways that the layer does not see.
 bool isUnknownRayTracing(const char *name);
 
-// Whether an enabled extension may build acceleration structures by commands of its own.
+// Returns whether an enabled extension may build acceleration structures by commands of its own.
 bool mayBuildOtherStructures(const VkDeviceCreateInfo &info);
 
 } // namespace vellum::layer

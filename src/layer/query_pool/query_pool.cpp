@@ -123,7 +123,7 @@ VkResult createMicromapPool(const DeviceQueryPools &device, const VkQueryPoolCre
     return device.driver.next.CreateQueryPool(device.driver.handle, &micromaps, nullptr, &result);
 }
 
-// Whether a command's queries are all in the pool.
+// Returns whether a command's queries are all in the pool.
 bool checkQueries(const DeviceQueryPools &device, const QueryPool &pool, uint32_t first, uint64_t count,
                   const char *command)
 {

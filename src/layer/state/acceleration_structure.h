@@ -95,14 +95,14 @@ void reportGpuErrors(DeviceState &device);
 void reportGpuErrors(DeviceState &device, uint32_t known);
 
 // --- structures that are or hold micromaps (VK_KHR_opacity_micromap) ---
-// Whether a structure is a micromap, or GENERIC, so that it can hold one.
+// Returns whether a structure is a micromap, or GENERIC, so that it can hold one.
 bool canHoldMicromap(const AccelerationStructure &structure);
-// Whether the layer created the handle: the driver does not know it.
+// Returns whether the layer created the handle: the driver does not know it.
 inline bool isLayerObject(const AccelerationStructure &structure)
 {
     return structure.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
 }
-// Whether a structure holds a micromap. Nothing for a GENERIC structure with unknown content.
+// Returns whether a structure holds a micromap. Nothing for a GENERIC structure with unknown content.
 std::optional<bool> holdsMicromap(const Driver &driver, const AccelerationStructure &structure);
 // The micromap in a structure; a GENERIC structure is treated as a micromap.
 Micromap micromapIn(const AccelerationStructure &structure);

@@ -77,7 +77,7 @@ public:
     // no memory.
     VkDeviceAddress acquireMicromap(VkDeviceAddress address, VkDeviceSize bytes);
 
-    // Whether shaders count errors: only after create.
+    // Returns whether shaders count errors: only after create.
     [[nodiscard]] bool countsGpuErrors() const { return gpuErrors_.words() != nullptr; }
     // The errors that shaders have found since the last call, one bit for each kGpuError*. The host only reads their
     // counters (see StructureDescriptorPool).

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How positions along one axis of a texture lead to texels and to stored cells. As the baker's Axis (src/bake/texture).
+// Maps positions along one axis of a texture to texels and to stored cells, like the baker's Axis (src/bake/texture).
 //
 // With bilinear filtering, cell i is the interval between the centres of texels i and i + 1; with nearest filtering it
 // is texel i. An address mode folds all cells onto a few stored ones.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a slot to an opacity state: the functions that are linked into the application's shaders (src/spirv/module/link.h).
-// main() and everything that the linked functions do not reach are not linked.
+// Looks up an opacity state by a slot: the functions that are linked into the application's shaders
+// (src/spirv/module/link.h). main() and everything that the linked functions do not reach are not linked.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_buffer_reference : require

@@ -43,7 +43,7 @@ public:
     void drainIdle(GpuChecks &gpu);
 
 private:
-    // Whether the log has grown. Takes no lock, because every poll of a fence calls it.
+    // Returns whether the log has grown. Takes no lock, because every poll of a fence calls it.
     [[nodiscard]] bool hasNew() const;
     // The next entry to report, if it is complete.
     std::optional<Finding> take();

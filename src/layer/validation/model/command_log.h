@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the host can know of the order in which a device executes commands. Each command buffer keeps the effects of its
+// The host's knowledge of the order in which a device executes commands. Each command buffer keeps the effects of its
 // commands on validation's state, and the checks that depend on that state. Submission carries them out, in the order
 // of the submissions.
 #pragma once

@@ -79,7 +79,7 @@ inline uint64_t trianglesOf(const std::vector<VkMicromapUsageEXT> &usages, uint3
 struct CapturedIndices {
     uint32_t count = 0;
     std::shared_ptr<Capture> memory;
-    // Whether it has special indices and indices of the micromap. Nothing before the build was executed.
+    // Returns whether it has special indices and indices of the micromap. Nothing before the build was executed.
     [[nodiscard]] std::optional<bool> mixed() const
     {
         if (!memory || memory->written() < count)

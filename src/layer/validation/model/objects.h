@@ -262,7 +262,7 @@ class ConstructedStructures
 public:
     // Returns the one that was there before, if it is another one and still exists.
     std::shared_ptr<ValidatedStructure> set(const std::shared_ptr<ValidatedStructure> &structure);
-    // Whether anything was ever constructed at the structure's location; true if that is not known.
+    // Returns whether anything was ever constructed at the structure's location; true if that is not known.
     [[nodiscard]] bool wasAt(const ValidatedStructure &structure) const;
     void forget(VkDeviceMemory memory);
 
@@ -356,7 +356,7 @@ void setReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure>
 // As above, for a structure that is about to be constructed: the application may know the address from an earlier one
 // that was there. `structure`: null if it is unknown.
 void findReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure);
-// Whether structures may keep a copy of a micromap that they attach. CommandLogs::submissions is held.
+// Returns whether structures may keep a copy of a micromap that they attach. CommandLogs::submissions is held.
 bool mayBeDiscardable(const DeviceModel &device, const ValidatedStructure &micromap);
 // Why a structure is not constructed, as a clause; empty: it is, or that is not known.
 std::string isNotConstructed(const DeviceModel &device, const ValidatedStructure &structure);

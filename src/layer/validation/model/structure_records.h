@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What structures hold, for checks that the device makes: a record for each in host-visible memory (core/findings.h).
-// Builds and copies write records in the order in which the device executes them.
+// The content of structures, for checks that the device makes: a record for each in host-visible memory
+// (core/findings.h). Builds and copies write records in the order in which the device executes them.
 #pragma once
 
 #include <array>

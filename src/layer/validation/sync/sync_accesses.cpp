@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What commands access, and messages about accesses that nothing orders.
+// The accesses of commands, and messages about accesses that nothing orders.
 #include <algorithm>
 
 #include "layer/validation/sync/sync_checks.h"
