@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `vellum bench` concludes from the rows of its parts, and which reports it replaces.
+// The conclusions of `vellum bench` from the rows of its parts, and the reports that it replaces.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which device --device takes, with devices that are made up.
+// The device that --device selects from a list of invented ones.
 #include <gtest/gtest.h>
 
 #include "gpu/device_selection.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `vellum render --mode compare` prints of the times it takes. Never which times.
+// The output of `vellum render --mode compare` about times; the times themselves are not checked.
 #include <cstdio>
 
 #include "rendering.h"

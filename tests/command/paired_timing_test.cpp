@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How `render --mode compare` sums up what it has timed, with times that are made up.
+// The summary of invented times by `render --mode compare`.
 #include <gtest/gtest.h>
 #include <thread>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `vellum render` draws and counts, by ray queries and by a ray tracing pipeline.
+// Pictures and counts of `vellum render`, by ray queries and by a ray tracing pipeline.
 #include <tuple>
 
 #include "rendering.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What has to be known of a SPIR-V module to make a pipeline of it.
+// The facts about a SPIR-V module that are needed to create a pipeline of it.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From the bytes of a fuzz target to a glTF file.
+// Converts the bytes of a fuzz target to a glTF file.
 #pragma once
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the fuzzer does to SPIR-V modules: changes that mostly leave instructions as whole as they were, since a module
-// that falls apart into words tests little more than the parser.
+// The fuzzer's mutations of SPIR-V modules. They mostly keep instructions whole, since a module that falls apart into
+// words tests little more than the parser.
 #include <algorithm>
 #include <cstring>
 #include <random>

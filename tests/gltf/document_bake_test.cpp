@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which primitives are baked, and against what.
+// Selection of primitives to bake, and the textures that they are baked with.
 #include "gltf/micromaps/document_bake.h"
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What baking changes in a file, and what it does not.
+// The changes that baking makes to a file, and the parts that it keeps.
 #include "gltf/micromaps/document_writer.h"
 
 #include <cstring>

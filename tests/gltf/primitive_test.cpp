@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a primitive's vertices and triangles are, however the file stores them.
+// Vertices and triangles of a primitive in every form in which a file can store them.
 #include "gltf/primitive.h"
 
 #include <cstring>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the GPU baker reads: indices, texture coordinates and images of all kinds, and what is wrong with some.
+// Inputs of the GPU baker: indices, texture coordinates and images of all kinds, and invalid ones.
 #include <bit>
 #include <cmath>
 #include <limits>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the GPU baker makes of states: records, indices and data, with any capacity.
+// Results of the GPU baker for given states: records, indices and data, with any capacity.
 #include <algorithm>
 #include <cmath>
 

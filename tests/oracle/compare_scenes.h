@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the oracle tests of ray queries and of ray tracing pipelines share.
+// Shared by the oracle tests of ray queries and of ray tracing pipelines.
 #pragma once
 
 #include <functional>

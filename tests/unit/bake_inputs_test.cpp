@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the baker takes: pixel formats, vertices, alpha tests, mip chains.
+// Inputs of the baker: pixel formats, vertices, alpha tests, mip chains.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the baker makes of states: levels, formats, budgets, sharing, special indices.
+// Results of the baker for given states: levels, formats, budgets, sharing, special indices.
 #include <gtest/gtest.h>
 
 #include <cmath>

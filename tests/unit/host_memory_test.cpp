@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is flushed and invalidated of memory that is not coherent, and mappings that end.
+// Flushes and invalidations of memory that is not coherent, and mappings that end.
 #include <array>
 
 #include <gtest/gtest.h>

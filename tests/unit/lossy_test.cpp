@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a lossy micromap may be, and what is made of one.
+// The states that a lossy micromap may have, and those that a build gives it.
 #include <gtest/gtest.h>
 
 #include <array>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What programs about address ranges have in common: buffers with creation flags, and each command that takes a range.
+// Shared by the programs about address ranges: buffers with creation flags, and each command that has a range.
 #pragma once
 
 #include "programs.h"

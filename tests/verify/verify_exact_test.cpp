@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What verification finds against the oracle of bake_oracle.h, for random micromaps: each state of each micro-triangle
-// is said of it somewhere, so that nothing can be found by luck.
+// Findings of verification compared with the oracle of bake_oracle.h, for random micromaps. Over all of them, each
+// micro-triangle claims each state, so that no finding is a coincidence.
 #include <gtest/gtest.h>
 
 #include <map>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What verification finds in micromaps of the baker: nothing; and in those that were damaged: the damage.
+// Findings of verification: none for micromaps of the baker, and the damage for those that were damaged.
 #include <gtest/gtest.h>
 
 #include <cmath>

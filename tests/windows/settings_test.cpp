@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where Windows has the file of settings: in the registry before VK_LAYER_SETTINGS_PATH.
+// The location of the settings file on Windows: the registry before VK_LAYER_SETTINGS_PATH.
 #include <filesystem>
 #include <fstream>
 

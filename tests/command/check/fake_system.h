@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What bad drivers of fake_groups.cpp do to the system.
+// Damage to the system by the bad drivers of fake_groups.cpp.
 #pragma once
 
 #include <string_view>

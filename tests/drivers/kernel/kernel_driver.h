@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What kernel drivers have in common: they report a GPU, and take calls of the programs that use it.
+// The common base of kernel drivers: they report a GPU, and handle calls of the programs that use it.
 #pragma once
 
 #include "drm_interface.h"

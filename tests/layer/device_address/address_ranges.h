@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the tests of device address commands have in common: ranges of buffers, buffers that share memory, and commands
-// that have to be rejected.
+// Shared by the tests of device address commands: ranges of buffers, buffers that share memory, and commands that must
+// be rejected.
 #pragma once
 
 #include <random>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an application sees of the extension with Vellum's layer and without.
+// The extension as an application sees it, with Vellum's layer and without.
 #include <algorithm>
 #include <array>
 

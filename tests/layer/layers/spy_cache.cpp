@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where VELLUM_TEST_SPY_CACHE is in the environment, the spy is a driver with pipeline caches, which lavapipe's are
-// not: its caches never hold anything. A pipeline's key is made of all that a driver would compile: the words of its
-// modules, entry points, specialization, flags, groups and libraries. Creation feedback reports hits.
+// If VELLUM_TEST_SPY_CACHE is set, the spy is a driver with pipeline caches; lavapipe's never hold anything. A
+// pipeline's key consists of everything that a driver would compile: the words of its modules, entry points,
+// specialization, flags, groups and libraries. Creation feedback reports hits.
 #include "layers/spy.h"
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Only in VK_KHR_opacity_micromap: micromaps as acceleration structures, together with the driver's structures in
-// builds, copies, queries and memory.
+// Features of VK_KHR_opacity_micromap only: micromaps as acceleration structures, together with the driver's structures
+// in builds, copies, queries and memory.
 #include "harness/mock_driver.h"
 #include "harness/program/labels.h"
 #include "micromaps/micromap_structures.h"

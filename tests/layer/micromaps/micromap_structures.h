@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the tests of VK_KHR_opacity_micromap alone have: micromaps as acceleration structures, made, built, queried and
+// Shared by the tests of VK_KHR_opacity_micromap: micromaps as acceleration structures, created, built, queried and
 // traced.
 #pragma once
 

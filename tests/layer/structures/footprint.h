@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What of this process can grow.
+// The resources of this process that could grow.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a triangle of a geometry to its micromap: index buffers, strides, base triangles, special indices, null
-// micromaps, geometries of all kinds in one structure, and all forms of a micromap's input.
+// The lookup from a triangle of a geometry to its micromap: index buffers, strides, base triangles, special indices,
+// null micromaps, geometries of all kinds in one structure, and all forms of a micromap's input.
 #include "check/oracle/outcome.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"

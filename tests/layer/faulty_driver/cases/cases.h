@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// For each fault a scene in which it shows, and what is seen there without and with the fault. Vellum's layer takes
-// indices, triangles and data that are not there as unknown-opaque: state 3.
+// For each fault a scene that shows it, and the expected results without and with the fault. Vellum's layer treats
+// indices, triangles and data that do not exist as unknown-opaque: state 3.
 #pragma once
 
 #include "gpu/tracer.h"

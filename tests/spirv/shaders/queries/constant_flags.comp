@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The same mode for all queries: CullNoOpaque | ForceOpacityMicromap2State, and two that the driver understands.
+// All queries have the same mode: CullNoOpaque | ForceOpacityMicromap2State, and two flags that the driver supports.
 #version 460
 #extension GL_EXT_ray_query : require
 #extension GL_EXT_opacity_micromap : require
