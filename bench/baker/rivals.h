@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Other bakers, by the C functions of their shared libraries.
+// Other bakers, called through the C functions of their shared libraries.
 #pragma once
 
 #include <memory>
