@@ -424,14 +424,14 @@ BakeResult bake(std::span<const BakeInput> inputs, const BakeOptions &options)
     // In batches: threads pack the triangles of a batch into a buffer, in any order; then the batch is appended to the
     // micromap in its own order. The buffer is a fraction of the largest possible result, but not too small to share
     // work.
-    const uint64_t room = std::clamp<uint64_t>(most / 8, 1u << 18, 1u << 26);
+    const uint64_t capacity = std::clamp<uint64_t>(most / 8, 1u << 18, 1u << 26);
     std::vector<uint8_t> buffer;
     std::vector<Packed> batch;
     for (size_t begin = 0; begin < indexOf.size(); begin += batch.size()) {
         size_t bytes = 0;
         batch.clear();
         std::vector<size_t> offsets;
-        for (size_t i = begin; i < indexOf.size() && (bytes < room || batch.empty()); ++i) {
+        for (size_t i = begin; i < indexOf.size() && (bytes < capacity || batch.empty()); ++i) {
             offsets.push_back(bytes);
             bytes += distinct.triangles[i].classifiedBytes();
             batch.push_back({nullptr, {}, {}, 0});

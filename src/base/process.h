@@ -97,7 +97,7 @@ public:
 
     // May be called from any thread.
     static bool interrupted();
-    // Ends the process by the signal that came, as whoever started it expects.
+    // Ends the process by the signal that came, as its parent expects.
     [[noreturn]] static void die();
 };
 

@@ -141,8 +141,8 @@ int runCommandLine(const std::vector<std::string> &words)
         rejectSubcommand(app, words[0]);
     try {
         app.parse(std::vector<std::string>(words.rbegin(), words.rend())); // CLI11 takes the last word first
-    } catch (const CLI::Success &asked) {                                  // --help and --version
-        return app.exit(asked);
+    } catch (const CLI::Success &request) {                                // --help and --version
+        return app.exit(request);
     } catch (const CLI::ParseError &error) {
         throw UsageError(messageOf(app, error));
     }

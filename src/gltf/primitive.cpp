@@ -167,10 +167,10 @@ size_t PrimitiveReader::countVertices() const
         throw GltfError(what_ + " has no attributes");
     if (draco_)
         return draco_->vertexCount();
-    auto teller = source_.attributes.find("POSITION");
-    if (teller == source_.attributes.end())
-        teller = source_.attributes.begin();
-    const size_t count = countElements(views_, teller->second, named(teller->first));
+    auto counted = source_.attributes.find("POSITION");
+    if (counted == source_.attributes.end())
+        counted = source_.attributes.begin();
+    const size_t count = countElements(views_, counted->second, named(counted->first));
     if (count > std::numeric_limits<uint32_t>::max())
         throw GltfError(what_ + " has " + std::to_string(count) + " vertices");
     return count;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Memory as an application with an allocator packs it: everything side by side in few buffers, at the smallest allowed
-// alignments, and used again as soon as it is free. Every byte that nobody has is a guard byte, which must not change.
+// alignments, and used again as soon as it is free. Every byte outside the pieces is a guard byte, which must not
+// change.
 #pragma once
 
 #include "gpu/device.h"

@@ -23,7 +23,7 @@ struct OfDriver {
 constexpr std::array<OfDriver, 8> kOfDrivers{{
     {{Fault::ReportChangesAttributes,
       "a hit that an intersection shader reports and that is not accepted changes the attributes of the committed hit",
-      "attributes of such committed hits are not judged"},
+      "attributes of such committed hits are not checked"},
      VK_DRIVER_ID_MESA_LLVMPIPE,
      0,
      kNotFixed},
@@ -75,7 +75,7 @@ struct OfLayer {
 constexpr std::array<OfLayer, 3> kOfLayer{{
     {{Fault::LayerIntersectionShaders,
       "Vellum's layer emulates: intersection shaders may lack ray flags, and run for boxes that a ray flag culls",
-      "neither is judged"},
+      "neither is checked"},
      "emulated"},
     {{Fault::LayerSerializedStructures,
       "Vellum's layer translates to VK_EXT_opacity_micromap, and rejects serializing a BLAS with micromaps",

@@ -36,7 +36,7 @@ struct PipelineResult : Result {
     uint32_t record; // of the closest-hit or miss shader: RecordData
     uint32_t invocations;
     uint32_t called; // the callable shader: the data of its record; with PipelineTracerSetup::callables
-    bool intact;     // the payload, where nobody was to write
+    bool intact;     // the payload, where no shader writes
 };
 
 struct TracerGroup {

@@ -55,7 +55,7 @@ std::optional<uint32_t> findData(std::span<const uint8_t> data, std::span<const 
     return found == data.end() ? std::nullopt : std::optional(static_cast<uint32_t>(found - data.begin()));
 }
 
-constexpr uint8_t kGarbage = 0x5a; // what nobody may read
+constexpr uint8_t kGarbage = 0x5a; // must not be read
 
 uint32_t bytesOf(VkIndexType type)
 {
@@ -296,9 +296,10 @@ void Structure::create(VkDeviceSize size)
     }
     size_ = size;
     if (placedBuffer_ == VK_NULL_HANDLE)
-        storage_ = room_ && room_->size() >= size_ ? room_
-                                                   : std::make_shared<Guarded>(gpu_, size_, 256, gpu_.structureUsage());
-    room_.reset();
+        storage_ = reusedStorage_ && reusedStorage_->size() >= size_
+                       ? reusedStorage_
+                       : std::make_shared<Guarded>(gpu_, size_, 256, gpu_.structureUsage());
+    reusedStorage_.reset();
     auto create = vkInit<VkAccelerationStructureCreateInfoKHR>(
         {.buffer = placedBuffer_ != VK_NULL_HANDLE ? placedBuffer_ : storage_->buffer(),
          .offset = placedBuffer_ != VK_NULL_HANDLE ? placedOffset_ : storage_->offset(),
@@ -553,7 +554,7 @@ void Tlas::prepare(std::span<const VkAccelerationStructureInstanceKHR> instances
                    VkBuildAccelerationStructureFlagsKHR flags, VkBuildAccelerationStructureModeKHR mode,
                    Arrangement arrangement, uint32_t skipped, uint32_t spare)
 {
-    // The skipped ones hold garbage: nobody may read them.
+    // The skipped ones hold garbage, which must not be read.
     std::vector<VkAccelerationStructureInstanceKHR> all(skipped);
     if (skipped > 0)
         std::memset(static_cast<void *>(all.data()), 0x5a, all.size() * sizeof(all[0]));

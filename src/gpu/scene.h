@@ -156,7 +156,7 @@ public:
     void placeIn(VkBuffer buffer, VkDeviceSize offset);
     // The next create uses the other's memory, if it is large enough: two handles, and later another content, in one
     // place.
-    void useRoomOf(const Structure &other) { room_ = other.storage_; }
+    void useMemoryOf(const Structure &other) { reusedStorage_ = other.storage_; }
     // The next update reads the source, and writes a structure that is made as large; null: the same as it writes.
     void updateFrom(const Structure *source) { source_ = source; }
     // The next builds get their geometries by ppGeometries.
@@ -194,7 +194,7 @@ private:
     VkDeviceAddress address_ = 0;
     VkDeviceSize size_ = 0;
     const Structure *source_ = nullptr;
-    std::shared_ptr<Guarded> storage_, room_;
+    std::shared_ptr<Guarded> storage_, reusedStorage_;
     std::shared_ptr<Guarded> scratch_;
     SharedScratch *sharedScratch_ = nullptr;
     std::vector<uint32_t> maxPrimitives_;

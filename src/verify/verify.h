@@ -28,7 +28,7 @@ struct Options {
     // without tolerances.
     Tolerances tolerances;
     // Claims of 2-state data count as those of 4-state data: as wrong unless they hold all over the micro-triangle.
-    // Otherwise they are taken for the approximation that they usually are, and only counted.
+    // Otherwise they are treated as the approximation that they usually are, and only counted.
     bool strictTwoState = false;
     // Triangles of this micromap have more vertex alphas than the baker decides: those that are unknown as a whole are
     // not needlessly so.

@@ -26,7 +26,7 @@ Case smallCase()
     return c;
 }
 
-TEST(Account, SaysWhatIsDoneExpectedAndFound)
+TEST(Account, StatesStepsExpectedAndFound)
 {
     const Case c = smallCase();
     ASSERT_EQ(invalid(c), "");
@@ -106,7 +106,7 @@ const Rule kRules[] = {
      "It meets nothing.\n"},
 };
 
-TEST_P(AccountRules, AreNamed)
+TEST_P(AccountRules, NamedInTheAccount)
 {
     Case c = smallCase();
     GetParam().change(c);
@@ -119,7 +119,7 @@ INSTANTIATE_TEST_SUITE_P(, AccountRules, testing::ValuesIn(kRules),
                          [](const auto &rule) { return std::string(rule.param.name); });
 
 // Equal elements are listed in one line, however many there are.
-TEST(Account, OfManyIsShort)
+TEST(Account, ManyEqualElementsAreShort)
 {
     Case c = smallCase();
     c.steps.clear();
@@ -137,7 +137,7 @@ TEST(Account, OfManyIsShort)
 }
 
 // A failure about a size has no expected hit of a ray.
-TEST(Account, OfASizeHasNoRay)
+TEST(Account, SizeFailuresHaveNoRay)
 {
     const std::string account =
         accountOf(smallCase(), {.cause = "x", .detail = "a build wrote beyond its micromap (...)"}, Api::Khr);
@@ -156,7 +156,7 @@ std::string numberText(size_t number)
 }
 
 // Each has a numbered line for each build and each step.
-TEST(Account, NamesWhatIsUnusualInBuildsAndQueries)
+TEST(Account, NamesUnusualOptionsOfBuildsAndQueries)
 {
     Case c = smallCase();
     c.scene.micromaps[0].usage = kUsageZeros | kUsageSplit;
@@ -194,7 +194,7 @@ TEST(Account, NamesWhatIsUnusualInBuildsAndQueries)
         EXPECT_NE(account.find(line), std::string::npos) << line << "\n" << account;
 }
 
-TEST(Account, OfRandomCases)
+TEST(Account, RandomCases)
 {
     for (uint32_t seed = 0; seed < 100; ++seed) {
         const Case c = randomCase(seed, 3);

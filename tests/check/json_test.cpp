@@ -61,7 +61,7 @@ constexpr std::string_view kSmall = R"({
 }
 )";
 
-TEST(CaseJson, IsReadable)
+TEST(CaseJson, Readable)
 {
     EXPECT_EQ(toJson(smallCase()), kSmall);
 }

@@ -35,7 +35,7 @@ size_t bakedPrimitives(const fs::path &path)
 
 } // namespace
 
-TEST(BakeCommand, WritesBesideTheInput)
+TEST(BakeCommand, WritesNextToTheInput)
 {
     const TemporaryFolder folder;
     writeFile(folder / "tree.glb", cardGlb());
@@ -252,9 +252,9 @@ TEST(BakeCommand, TakesTheFilesOfAGltfAlong)
     EXPECT_EQ(entries(folder / "out"), out);
     // An existing file with other content is not replaced.
     writeFile(folder / "out/data.bin", {'x'});
-    const Outcome refused = runVellum(bake);
-    EXPECT_EQ(refused.exitCode, 1);
-    EXPECT_EQ(refused.errorLines(), 1);
+    const Outcome rejected = runVellum(bake);
+    EXPECT_EQ(rejected.exitCode, 1);
+    EXPECT_EQ(rejected.errorLines(), 1);
     EXPECT_EQ(readFile(folder / "out/data.bin"), Bytes{'x'});
     // Nothing is written outside the output folder.
     json.replace(json.find("\"data.bin\""), 10, "\"../data.bin\"");
@@ -295,7 +295,7 @@ TEST(BakeCommand, CopiesNothingThatALinkLeadsOutTo)
 }
 #endif
 
-TEST(BakeCommand, NothingThatIsReadIsWritten)
+TEST(BakeCommand, InputsAreNeverOverwritten)
 {
     const TemporaryFolder folder;
     fs::create_directories(folder / "a/sub");
@@ -349,7 +349,7 @@ TEST(BakeCommand, TheFirstOfTwoDifferentFilesWins)
     }
 }
 
-TEST(BakeCommand, WhatWasBakedMayLieBesideIt)
+TEST(BakeCommand, OutputsNextToTheInputAreNotInputs)
 {
     const TemporaryFolder folder;
     writeCardGltf(folder / "in/tree.gltf");
@@ -523,7 +523,7 @@ TEST(BakeCommand, AnInterruptedBakeLeavesTheFileThatItWouldReplace)
     EXPECT_EQ(result.temporaryFiles, 1U); // before the rename
 }
 
-TEST(BakeCommand, ABakeThatIsInterruptedWhileItWritesReportsWhatIsNotBaked)
+TEST(BakeCommand, InterruptedWriteReportsRemainingInputs)
 {
     for (const int signal : {SIGINT, SIGTERM}) {
         const TemporaryFolder folder;
@@ -546,7 +546,7 @@ TEST(BakeCommand, ABakeThatIsInterruptedWhileItWritesReportsWhatIsNotBaked)
 }
 
 // Finished outputs stay; finished and unfinished inputs are reported.
-TEST(BakeCommand, AnInterruptedBakeReportsWhatIsDone)
+TEST(BakeCommand, InterruptedBakeReportsFinishedInputs)
 {
     const TemporaryFolder folder;
     fs::create_directories(folder / "in");
@@ -677,7 +677,7 @@ TEST(BakeCommand, RequiresMicromapsOnRequest)
     EXPECT_EQ(runVellum({"bake", tree, "--require-micromaps", "--blend", "--force"}).exitCode, 0);
 }
 
-TEST(BakeCommand, IsAFilter)
+TEST(BakeCommand, FilterFromStdinToStdout)
 {
     const TemporaryFolder folder;
     writeFile(folder / "tree.glb", cardGlb());

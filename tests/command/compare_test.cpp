@@ -38,7 +38,7 @@ protected:
 
 } // namespace
 
-TEST_F(Comparing, TimesAsManyPairsAsToldAfterThePictures)
+TEST_F(Comparing, RequestedNumberOfPairs)
 {
     const Ratio r = compare({"--frames", "4"});
     EXPECT_EQ(r.pairs, 4u);
@@ -55,7 +55,7 @@ TEST_F(Comparing, TimesAsManyPairsAsToldAfterThePictures)
     EXPECT_TRUE(std::filesystem::exists(folder / "a-alpha.png"));
 }
 
-TEST_F(Comparing, TimesASensibleNumberOfPairsUnlessTold)
+TEST_F(Comparing, DefaultNumberOfPairs)
 {
     const Ratio r = compare({});
     EXPECT_GE(r.pairs, 9u);

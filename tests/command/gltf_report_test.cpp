@@ -80,7 +80,7 @@ double number(const JsonValue &value)
 
 } // namespace
 
-TEST_F(GltfReport, InfoOfImagesBesideTheFile)
+TEST_F(GltfReport, InfoOfSeparateImages)
 {
     writeCardGltf(folder / "card.gltf");
     const std::string bytes = std::to_string(discPng().size());
@@ -119,7 +119,7 @@ TEST_F(GltfReport, OneOfSomethingIsSingular)
     }
 }
 
-TEST_F(GltfReport, InspectCountsWhatLiesBesideAGltf)
+TEST_F(GltfReport, InspectCountsSeparateFiles)
 {
     writeCardGltf(folder / "card.gltf");
     run({"bake", in("card.gltf"), "-o", in("baked.gltf")});
@@ -136,7 +136,7 @@ TEST_F(GltfReport, InspectCountsWhatLiesBesideAGltf)
     EXPECT_TRUE(has(textOf(folder / "page.html"), "\"bytes\":" + std::to_string(bytes) + ","));
 }
 
-TEST_F(GltfReport, InspectWritesWhereItIsToldTo)
+TEST_F(GltfReport, InspectWritesToTheOutputOption)
 {
     write("card.glb");
     run({"inspect", in("card.glb"), "--bake", "-o", in("a.html")});
@@ -207,7 +207,7 @@ TEST_F(GltfReport, SharesOfTheSurfaceIncludeSkippedPrimitives)
     EXPECT_TRUE(has(run({"inspect", in("card.omm.glb"), "-o", in("a.html")}).output, text)) << text;
 }
 
-TEST_F(GltfReport, NothingReadableFails)
+TEST_F(GltfReport, UnreadableFilesFail)
 {
     writeCardGltf(folder / "card.gltf", {0xab, 'K', 'T', 'X', ' ', '2', '0', 0xbb, '\r', '\n', 0x1a, '\n'});
     const Outcome bake = run({"bake", in("card.gltf"), "-o", in("out.gltf"), "--report"}, 1);
@@ -266,7 +266,7 @@ TEST_F(GltfReport, ExactUsesAll16Bits)
     EXPECT_EQ(bake(), 1);
 }
 
-TEST_F(GltfReport, NothingIsUnknownWhereAllOrNoAlphasPass)
+TEST_F(GltfReport, NoUnknownsIfAllOrNoAlphasPass)
 {
     const auto unknown = [&](const std::string &cutoff) {
         write("card.glb", {{"0.25,\n", cutoff + ",\n"}});

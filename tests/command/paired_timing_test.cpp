@@ -30,7 +30,7 @@ TEST(Statistics, MedianAndQuartiles)
     EXPECT_EQ(quartiles({1, 2}).low, 1.25);
 }
 
-// A machine that slows down all the time: what takes twice as long does so all the same.
+// A machine that slows down all the time: a side that takes twice as long does so nevertheless.
 TEST(PairedTiming, DriftCancels)
 {
     PairedTiming timing(scripted({10, 12, 14, 16}), scripted({22, 26, 30}));

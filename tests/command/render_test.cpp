@@ -51,7 +51,7 @@ TEST_P(RenderingBy, EitherExtensionIsTheSame)
 INSTANTIATE_TEST_SUITE_P(Traces, RenderingBy, testing::Values("query", "pipeline"),
                          [](const auto &test) { return test.param; });
 
-TEST_F(Rendering, UsesKhrUnlessTold)
+TEST_F(Rendering, UsesKhrByDefault)
 {
     const Outcome outcome = render("query", {"--level", "2", "--output", (folder / "picture.png").string()});
     EXPECT_NE(lineOf(outcome, "micromaps").find("VK_KHR_opacity_micromap"), std::string::npos) << outcome.output;

@@ -207,7 +207,7 @@ TEST(Run, ASignalToTheCommandAloneReachesTheProgram)
     EXPECT_EQ(outcome.exitCode, 5);
 }
 
-TEST(Run, WithoutTheLayerNothingRuns)
+TEST(Run, NeedsTheLayer)
 {
     const TemporaryFolder folder;
     const Outcome outcome = runVellum({"run", "--layer-path", folder.path().string(), "--", "echo", "run"},
@@ -217,7 +217,7 @@ TEST(Run, WithoutTheLayerNothingRuns)
 }
 
 #ifndef _WIN32 // queries the system for the folder
-TEST(Run, WithoutAFileForMessagesNothingRuns)
+TEST(Run, NeedsAFileForMessages)
 {
     const Outcome outcome = runVellum({"run", "--", "echo", "run"}, {{"TMPDIR", "/nowhere"}});
     EXPECT_EQ(outcome.exitCode, kNotRun);

@@ -29,7 +29,7 @@ const char *const kNone = "| differing pixels               |              |    
 
 } // namespace
 
-TEST_F(StoredMicromaps, AreUsedUnlessOthersAreAskedFor)
+TEST_F(StoredMicromaps, UsedUnlessABakeIsRequested)
 {
     bake();
     const Outcome stored = compare();

@@ -50,7 +50,7 @@ bool has(const std::string &text, const std::string &part)
 
 } // namespace
 
-TEST_F(VerifyCommand, IsContentWithWhatTheBakerMakes)
+TEST_F(VerifyCommand, AcceptsOutputOfTheBaker)
 {
     for (const std::vector<std::string> &arguments : {std::vector<std::string>{}, {"--strict"}}) {
         const Outcome outcome = verify(card, arguments);
@@ -62,7 +62,7 @@ TEST_F(VerifyCommand, IsContentWithWhatTheBakerMakes)
     }
 }
 
-TEST_F(VerifyCommand, SaysWhatIsWrongAndWhere)
+TEST_F(VerifyCommand, ReportsErrorsWithLocation)
 {
     const uint32_t micro = change(card, State::Opaque, State::Transparent);
     const Outcome outcome = verify(card);
@@ -73,7 +73,7 @@ TEST_F(VerifyCommand, SaysWhatIsWrongAndWhere)
     EXPECT_TRUE(has(outcome.output, "cutoff 0.5")) << outcome.output;
 }
 
-TEST_F(VerifyCommand, ListsAsManyAsAskedFor)
+TEST_F(VerifyCommand, ListsTheRequestedNumber)
 {
     card.cards = 3;
     change(card, State::Opaque, State::Transparent);
@@ -91,7 +91,7 @@ TEST_F(VerifyCommand, ListsAsManyAsAskedFor)
     EXPECT_EQ(lines(verify(card, {"--max-findings", "0"}).output), 0u);
 }
 
-TEST_F(VerifyCommand, StrictTellsOfWhatCouldBeBetter)
+TEST_F(VerifyCommand, StrictReportsPossibleImprovements)
 {
     // Baked without tolerances: true, but not with them.
     const CardFile bold = baked(BakeOptions{}.exactly());
@@ -114,7 +114,7 @@ TEST_F(VerifyCommand, StrictTellsOfWhatCouldBeBetter)
     EXPECT_EQ(verify(plain, {"--strict"}).exitCode, 7);
 }
 
-TEST_F(VerifyCommand, TellsABrokenStructure)
+TEST_F(VerifyCommand, ReportsABrokenStructure)
 {
     card.usageCounts = "[9]";
     const Outcome outcome = verify(card);
@@ -133,7 +133,7 @@ TEST_F(VerifyCommand, TwoStateDataIsAnApproximation)
     EXPECT_EQ(verify(two, {"--strict-2-state"}).exitCode, 4);
 }
 
-TEST_F(VerifyCommand, WhatCannotBeReadIsSaidInOneLine)
+TEST_F(VerifyCommand, UnreadableFilesGiveOneLine)
 {
     const Outcome none = runVellum({"verify", (folder / "none.glb").string()});
     EXPECT_EQ(none.exitCode, 1);

@@ -331,7 +331,7 @@ TEST_P(Compiler, RecursionAndCallables)
     }
 }
 
-TEST_P(Compiler, WithoutMicromaps)
+TEST_P(Compiler, NoMicromaps)
 {
     vt::PipelineSetup setup = tracer();
     setup.flags = 0;

@@ -62,7 +62,7 @@ private:
     void deserializeAnything();
     void checkMicromap(VkMicromapEXT micromap) const;
     // A command that fails says why.
-    static void checkTold(VkResult result)
+    static void checkReported(VkResult result)
     {
         FUZZ_CHECK(result == VK_SUCCESS || FakeDevice::takeMessages() > 0);
         FakeDevice::takeMessages();
@@ -209,7 +209,7 @@ VkMicromapEXT Commands::build(uint64_t size)
     const VkResult result = writingTo(micromap, [&] {
         return layer::buildMicromaps(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, 1, &info_);
     });
-    checkTold(result);
+    checkReported(result);
     return result == VK_SUCCESS ? micromap : VK_NULL_HANDLE;
 }
 
@@ -242,7 +242,7 @@ void Commands::copy(VkMicromapEXT source, uint64_t used)
     info.dst = exact;
     info.mode = VK_COPY_MICROMAP_MODE_COMPACT_EXT;
     const auto run = [&] {
-        checkTold(writingTo(info.dst, [&] {
+        checkReported(writingTo(info.dst, [&] {
             return layer::copyMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &info);
         }));
     };
@@ -266,7 +266,7 @@ void Commands::serialize(VkMicromapEXT source, uint64_t used)
     out.src = source;
     out.dst.hostAddress = serialized.data();
     out.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
-    checkTold(writingTo(VK_NULL_HANDLE, [&] {
+    checkReported(writingTo(VK_NULL_HANDLE, [&] {
         return layer::copyMicromapToMemory(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &out);
     }));
 
@@ -275,7 +275,7 @@ void Commands::serialize(VkMicromapEXT source, uint64_t used)
     in.src.hostAddress = serialized.data();
     in.dst = target;
     in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    checkTold(writingTo(in.dst, [&] {
+    checkReported(writingTo(in.dst, [&] {
         return layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in);
     }));
     checkBuilt(model_, bytesOf(target));
@@ -300,7 +300,7 @@ void Commands::deserializeDamaged(std::vector<uint8_t> serialized, uint64_t used
     in.dst = make(input_.flag() ? used : small(input_.below(static_cast<uint32_t>(used) + 64), used));
     std::ranges::fill(bytesOf(in.dst), input_.byte());
     in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    checkTold(writingTo(in.dst, [&] {
+    checkReported(writingTo(in.dst, [&] {
         return layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in);
     }));
     checkMicromap(in.dst);
@@ -320,7 +320,7 @@ void Commands::deserializeAnything()
     in.src.hostAddress = serialized.data();
     in.dst = make(small(serialized[0], size - kHeaderBytes));
     in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    checkTold(writingTo(in.dst, [&] {
+    checkReported(writingTo(in.dst, [&] {
         return layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in);
     }));
     checkMicromap(in.dst);

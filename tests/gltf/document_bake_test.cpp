@@ -105,7 +105,7 @@ void expectSame(const DocumentBake &bake, const Micromap &expected)
 
 } // namespace
 
-TEST(DocumentBake, IsWhatTheBakerMakesOfTheMaterial)
+TEST(DocumentBake, EqualsADirectBake)
 {
     const DocumentBake bake = bakeCard({});
     expectSame(bake, bakeDirectly(0.25));
@@ -137,7 +137,7 @@ TEST(DocumentBake, BlendOnRequest)
     EXPECT_EQ(bakeCard(blend, options).primitives.at(0).micromap.indices, bakeDirectly(0.875).indices);
 }
 
-TEST(DocumentBake, SkipsWhatIsNamed)
+TEST(DocumentBake, SkipsExcludedNames)
 {
     DocumentBakeOptions options = optionsOf();
     options.excludedMaterials = {"wood", "l??f"};
@@ -210,7 +210,7 @@ TEST(DocumentBake, SkipsPrimitivesThatCannotBeBaked)
 }
 
 // The extension counts triangles by the indices, or else by the positions.
-TEST(DocumentBake, WithoutIndicesAndPositionsThereIsNoNumberOfTriangles)
+TEST(DocumentBake, MissingIndicesAndPositionsGiveNoTriangleCount)
 {
     EXPECT_EQ(reasonFor({{kPrimitive, R"({"attributes": {"TEXCOORD_0": 1}, "material": 0})"}}),
               "it has neither indices nor positions");
@@ -320,7 +320,7 @@ TEST(DocumentBake, TheAlphaOfVerticesMultiplies)
     EXPECT_EQ(bakeColored({1, 1, 1, 1}).primitives[0].varying, 0u);
 }
 
-TEST(DocumentBake, WhereTheAlphaOfVerticesVariesNothingIsKnown)
+TEST(DocumentBake, VaryingVertexAlphaIsUnknown)
 {
     // Triangles 0 1 2 and 0 2 3.
     const DocumentBake bake = bakeColored({1, 1, 1, 0.5f});
@@ -332,7 +332,7 @@ TEST(DocumentBake, WhereTheAlphaOfVerticesVariesNothingIsKnown)
     EXPECT_EQ(bakeColored({-1, -1, -1, -1}).primitives[0].varying, 2u);
 }
 
-TEST(DocumentBake, NoAlphaIsNoAlphaWhateverTheTexture)
+TEST(DocumentBake, FactorZeroIsTransparentForAnyTexture)
 {
     const std::vector<int32_t> transparent(2, specialIndex(State::Transparent));
     const std::vector<int32_t> opaque(2, specialIndex(State::Opaque));

@@ -149,7 +149,7 @@ TEST(DocumentWriter, EverythingElseIsByteForByteTheSame)
     EXPECT_EQ(bench.micromaps("out.glb").primitives.size(), 1u);
 }
 
-TEST(DocumentWriter, WithoutAnythingToBakeTheFileIsTheSame)
+TEST(DocumentWriter, NothingToBakeLeavesTheFileUnchanged)
 {
     Bench bench;
     const Bytes input = cardGlb({{R"("alphaMode": "MASK", )", ""}});
@@ -171,7 +171,7 @@ TEST(DocumentWriter, OtherChunksStay)
     EXPECT_EQ(bench.micromaps("out.glb").primitives.size(), 1u);
 }
 
-TEST(DocumentWriter, AGltfGetsAFileBesideIt)
+TEST(DocumentWriter, GltfGetsASeparateFile)
 {
     Bench bench;
     const Split split = splitCard();

@@ -179,7 +179,7 @@ TEST(GltfPrimitive, SparseAccessors)
               " TEXCOORD_0: accessor 1 (sparse) replaces element 3 of 3");
 }
 
-TEST(GltfPrimitive, WithoutBufferViewAllIsZero)
+TEST(GltfPrimitive, MissingBufferViewIsZeros)
 {
     Sample file = sample();
     file.accessors[1] = R"({"componentType": 5126, "count": 3, "type": "VEC2"})";
@@ -285,7 +285,7 @@ TEST(GltfPrimitive, Colors)
               " has 2 colours for 3 vertices");
 }
 
-TEST(GltfPrimitive, MorphingOfWhatIsReadIsKnown)
+TEST(GltfPrimitive, MorphedAttributesAreReported)
 {
     Sample file = sample();
     const auto morphed = [&](const std::string &targets) {

@@ -184,7 +184,7 @@ TEST_F(GpuBakeResults, TwoStates)
 }
 
 // Levels, and all four alpha tests, as on the CPU; the guesses are nearly all the same.
-TEST_F(GpuBakeResults, AsOnTheCpu)
+TEST_F(GpuBakeResults, EqualTheCpuBaker)
 {
     size_t guesses = 0;
     size_t unlike = 0;

@@ -143,7 +143,7 @@ TEST(InspectEncoding, TextIsHarmlessInPages)
     EXPECT_EQ(markupText("\xc3\xa9"), "&#233;");
 }
 
-TEST(InspectEncoding, WhatIsNoUtf8IsReplaced)
+TEST(InspectEncoding, InvalidUtf8IsReplaced)
 {
     for (const char *text : {"\xff", "\xc3", "\xe2\x80", "\xf0\x9f\x8d", "\x80"})
         EXPECT_EQ(jsonString(text).substr(0, 7), "\"\\ufffd") << text;

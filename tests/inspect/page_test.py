@@ -86,7 +86,7 @@ class PageTest(unittest.TestCase):
             return [...pixel.getImageData(0, 0, 1, 1).data]; }})()""")
 
     def settle(self):
-        """Until what was done is drawn: a frame, and whatever tiles it asks for."""
+        """Waits until changes are drawn: a frame, and the tiles that it requests."""
         self.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
         self.browser.wait_for(READY)
 

@@ -65,7 +65,7 @@ void expectSame(const Sample &sample, const vellum::BakeResult &expected)
 
 } // namespace
 
-TEST(LibraryBake, IsTheBakers)
+TEST(LibraryBake, EqualsTheBaker)
 {
     Sample sample;
     ASSERT_EQ(sample.bake(), VELLUM_SUCCESS) << sample.message;

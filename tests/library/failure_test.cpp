@@ -117,7 +117,7 @@ TEST(LibraryFailure, BadMembersAreNamed)
     EXPECT_EQ(vellumBake(nullptr, 2, &sample.options, &sample.micromap), VELLUM_ERROR_INVALID_ARGUMENT);
     EXPECT_EQ(vellumBake(&sample.input, 1, &sample.options, nullptr), VELLUM_ERROR_INVALID_ARGUMENT);
     EXPECT_EQ(sample.messages, 3);
-    sample.options.structSize = 0; // whose callback nobody can know
+    sample.options.structSize = 0; // so the callback cannot be read
     EXPECT_EQ(sample.bake(), VELLUM_ERROR_INVALID_ARGUMENT);
     EXPECT_EQ(sample.messages, 0);
     sample.options.message = nullptr;

@@ -2,7 +2,7 @@
 // Random scenes, traced by a ray tracing pipeline through the layer and by the oracle, compared ray by ray: the
 // invocations of any-hit and intersection shaders, and the hit that stays. The binding table mixes hit groups with and
 // without any-hit and closest-hit shaders, and zero records.
-#include "check/oracle/pipeline_judge.h"
+#include "check/oracle/pipeline_fault.h"
 #include "compare_scenes.h"
 #include "gpu/pipeline_tracer.h"
 

@@ -167,11 +167,11 @@ TEST(Queries, KeepTheIndexInSpiteOfDebugInformation)
                      "OpExtension \"SPV_KHR_non_semantic_info\"\n%set = OpExtInstImport \"" + set + "\"\n");
         return count(disassemble(rewriteValid(assemble(text))), "OpVariable %_ptr_Function_uint Function");
     };
-    const size_t others = variables("NonSemantic.Other"); // nobody knows what this does
+    const size_t others = variables("NonSemantic.Other"); // of unknown effect
     EXPECT_EQ(variables("NonSemantic.Shader.DebugInfo.9"), others + 1);
 }
 
-TEST(Declarations, OfMicromapsAreRemoved)
+TEST(Declarations, MicromapDeclarationsAreRemoved)
 {
     std::string text = moduleText("");
     text.replace(text.find("OpExtension"), 11,

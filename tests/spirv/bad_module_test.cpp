@@ -72,7 +72,7 @@ TEST(BadModules, RandomWords)
 }
 
 // Damage that leaves a module valid must leave the rewritten one valid.
-TEST(BadModules, WhatWasValidStaysValid)
+TEST(BadModules, ValidModulesStayValid)
 {
     std::mt19937 random(11);
     int checked = 0;
@@ -166,7 +166,7 @@ TEST(BadModules, ManyEntryPointsOfManyFunctions)
     EXPECT_EQ(entries->size(), kMany);
 }
 
-// The first type of a module may be one that nobody here knows. Decorations still come before it.
+// The first type of a module may be unknown to the rewriter. Decorations still come before it.
 TEST(Modules, DecorationsBeforeAnUnknownType)
 {
     constexpr uint32_t kUnknown = 0xfff0;
@@ -193,7 +193,7 @@ TEST(Modules, DecorationsBeforeAnUnknownType)
     EXPECT_EQ(validate(without), "");
 }
 
-// Instructions of ray queries that nobody here knows, such as those of SPV_NV_linear_swept_spheres, stay as they are.
+// Unknown instructions of ray queries, such as those of SPV_NV_linear_swept_spheres, stay unchanged.
 // Spheres are candidates of the type of triangles; since their geometries have no micromaps, they are resolved as
 // triangles without one.
 TEST(Modules, UnknownInstructionsOfQueriesStay)

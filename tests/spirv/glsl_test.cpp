@@ -37,7 +37,7 @@ class Glsl : public testing::TestWithParam<std::tuple<Case, const char *>>
 {
 };
 
-TEST_P(Glsl, IsRewrittenInTheExpectedForm)
+TEST_P(Glsl, ExpectedForms)
 {
     const auto &[c, variant] = GetParam();
     const Module words = loadShader(c.shader, variant);
@@ -83,7 +83,7 @@ INSTANTIATE_TEST_SUITE_P(All, Glsl,
 INSTANTIATE_TEST_SUITE_P(All, OptimizedGlsl,
                          testing::Combine(testing::ValuesIn(kCases), testing::Values("v15", "v14", "v16")), caseName);
 
-TEST(Modules, ThatDoNotTraceAreUnchanged)
+TEST(Modules, ModulesWithoutTracesAreUnchanged)
 {
     const Module words = loadShader("plain.comp", "v15");
     EXPECT_FALSE(spirv::scan(words).tracesRays);
@@ -99,7 +99,7 @@ TEST(Modules, KeepsThoseThatNeedNoRewriting)
     EXPECT_EQ(spirv::rewrite(words, {}).status, Status::Unchanged);
 }
 
-TEST(Modules, OfRayTracingStagesGetTheirCustomIndexBack)
+TEST(Modules, RayTracingStagesReadTheirCustomIndex)
 {
     for (const char *variant : {"v15", "v14", "v16", "debug"}) {
         const std::string text = disassemble(rewriteValid(loadShader("hit.rchit", variant)));
@@ -121,7 +121,7 @@ TEST(Modules, CarryTheRootAddress)
 }
 
 // Vulkan 1.1 has SPIR-V 1.3, which ray queries do not need more than.
-TEST(Modules, OfSpirv13StayWhatTheyAre)
+TEST(Modules, Spirv13StaysUnchanged)
 {
     std::string text = moduleText("%p = OpRayQueryProceedKHR %bool %q\n");
     const std::string interface = "\"main\" %scene %out";
@@ -133,7 +133,7 @@ TEST(Modules, OfSpirv13StayWhatTheyAre)
     EXPECT_EQ(count(rewritten, "\"SPV_KHR_physical_storage_buffer\""), 1u);
 }
 
-TEST(Flags, ThatAreConstantAreTakenOutAndPutBack)
+TEST(Flags, ConstantFlagsAreRemovedAndRestored)
 {
     const std::string text = disassemble(rewriteValid(loadShader("constant_flags.comp", "v15")));
     EXPECT_EQ(count(text, " %uint_4 %uint_255"), 1u) << text;
@@ -167,7 +167,7 @@ TEST(Modules, KeepTheCustomIndexOfACandidateThatTheyDecide)
 }
 
 // Ray flags that are not constant are kept in a variable and hidden from the driver.
-TEST(GlslFlags, LieBesideTheQuery)
+TEST(GlslFlags, InASideVariable)
 {
     for (const char *variant : {"v15", "v14", "v16"}) {
         for (const char *shader : {"flags.comp", "specialized.comp", "kept_flags.comp"}) {

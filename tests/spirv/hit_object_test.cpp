@@ -188,7 +188,7 @@ TEST(HitObjects, KeepFlagsThatAreComputed)
     EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
 }
 
-TEST(HitObjects, ArePassedToFunctionsWithTheirFlags)
+TEST(HitObjects, FunctionsGetTheFlags)
 {
     const Module words = hitObjects(
         traceObject("%opaque") + recordMissNV("%own") + "%called = OpFunctionCall %void %h %object %own\n", "", R"(
@@ -206,7 +206,7 @@ TEST(HitObjects, ArePassedToFunctionsWithTheirFlags)
     EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
 }
 
-TEST(HitObjects, InArraysHaveTheirFlagsInArrays)
+TEST(HitObjects, ArraysHaveArraysOfFlags)
 {
     const Module words =
         hitObjects("%one = OpAccessChain %op %objects %zero\n" + traceObject("%opaque", "%one") + executeNV("%one"));
@@ -216,7 +216,7 @@ TEST(HitObjects, InArraysHaveTheirFlagsInArrays)
     EXPECT_EQ(count(disassemble(result.words), "OpTypeArray %uint %uint_2"), 1u) << disassemble(result.words);
 }
 
-TEST(HitObjects, OfTheExtExtensionKeepThemToo)
+TEST(HitObjects, ExtExtensionKeepsFlags)
 {
     EXPECT_EQ(run(extHitObjects(traceObject("%force") + kReorderExecute + executeNV())),
               (Seen{1024, kTraced, 1024, kExecuted, 1024, kExecuted}));
@@ -238,7 +238,7 @@ TEST(HitObjects, ShowTheFlagsOfTheirRay)
 }
 
 // A hit object has the flags that the driver knows of the query that it is made from.
-TEST(HitObjects, OfQueriesKeepTheFlagsOfTheQuery)
+TEST(HitObjects, KeepTheFlagsOfTheirQuery)
 {
     const struct {
         const char *flags;
@@ -250,7 +250,7 @@ TEST(HitObjects, OfQueriesKeepTheFlagsOfTheQuery)
         const std::string made = computed + initialize(c.flags) + kRecordFromQuery;
         EXPECT_EQ(run(extHitObjects(made + executeNV())), (Seen{c.hidden, kExecuted | c.driver})) << c.flags;
         EXPECT_EQ(run(extHitObjects(made + kTraceWithItsFlags)), (Seen{c.hidden, kTraced | c.driver})) << c.flags;
-        // Pipelines without micromaps are not rewritten for themselves. The application reads its flags all the same.
+        // Pipelines without micromaps are not rewritten for themselves. The application reads its flags nevertheless.
         const auto whole = spirv::rewrite(extHitObjects(made + kTraceWithItsFlags), {.rootAddress = 0x1000});
         ASSERT_EQ(whole.status, Status::Rewritten) << whole.error;
         EXPECT_EQ(Machine(whole.words, {}).run(), (Seen{kTraced | c.driver | c.hidden})) << c.flags;
@@ -258,7 +258,7 @@ TEST(HitObjects, OfQueriesKeepTheFlagsOfTheQuery)
 }
 
 // Flags are hidden from the driver only for queries that consume micromaps.
-TEST(HitObjects, OfQueriesWithoutMicromapsHaveTheFlagsThatTheDriverKnows)
+TEST(HitObjects, QueriesWithoutMicromapsKeepDriverFlags)
 {
     std::string text = moduleOf(initialize("%skip") + kRecordFromQuery + kTraceWithItsFlags,
                                 initialize("%opaque", "%t") + kRecordFromQuery);
@@ -276,7 +276,7 @@ TEST(HitObjects, OfQueriesWithoutMicromapsHaveTheFlagsThatTheDriverKnows)
 
 // A copy of an object has no variable for its flags, nor has an object that is accessed in an unknown way. Code that
 // the stage does not reach does not matter.
-TEST(HitObjects, ThatAreCopiedAreRejected)
+TEST(HitObjects, CopiesAreRejected)
 {
     const std::string copy = "%copied = OpLoad %hit %object\nOpStore %own %copied\n" + executeNV("%own");
     const Module words = assemble(moduleOf(traceObject("%opaque") + copy, traceObject("%opaque", "%object", "%t")));

@@ -81,7 +81,7 @@ TEST(Payloads, GivesShadersWithoutOneTheSameTypeAsTheOthers)
     }
 }
 
-TEST(Payloads, AreUnknownIfOfSeveralTypesOrSpecialized)
+TEST(Payloads, SeveralTypesOrSpecializedAreUnknown)
 {
     const auto model = static_cast<uint32_t>(spv::ExecutionModelClosestHitKHR);
     const Module number = closestHit("%payload = OpTypeFloat 32");
@@ -119,7 +119,7 @@ TEST(Payloads, AreUnknownIfOfSeveralTypesOrSpecialized)
               (spirv::TypeWords{spv::OpTypeStruct, 1, spv::OpTypeInt, 32, 0}));
 }
 
-// Before SPIR-V 1.4 no interface has payloads: one that no code uses is the ray's all the same, if it is the only one.
+// Before SPIR-V 1.4 no interface has payloads: an unused one is nevertheless the ray's, if it is the only one.
 TEST(Payloads, FindsUnusedOnesBeforeSpirv14)
 {
     const Module words = closestHit("%payload = OpTypeFloat 32", "", 0x00010300);
@@ -181,7 +181,7 @@ TEST(Payloads, IgnoresThoseOfOtherStages)
 
 // Of two variables, the stage's payload is the one that its code uses; a literal that equals the id of the other is not
 // a use.
-TEST(Payloads, AreNotMistakenForLiterals)
+TEST(Payloads, LiteralsAreNotUses)
 {
     std::string module = rayTracingText(R"(
         OpEntryPoint AnyHitKHR %f "main"

@@ -62,7 +62,7 @@ TEST(PipelineStages, AreValidInEveryVersion)
             rewriteStage(stage, variant);
 }
 
-TEST(PipelineStages, AnyHitShadersOfTrianglesAreAskedLast)
+TEST(PipelineStages, TheLookupRunsBeforeAnyHitShadersOfTriangles)
 {
     const std::string text = rewriteStage(kTriangles);
     EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumResolve"), 1u);
@@ -77,8 +77,8 @@ TEST(PipelineStages, AnyHitShadersOfTrianglesAreAskedLast)
     EXPECT_EQ(count(text, "OpVariable %_ptr_HitAttributeNV") + count(text, "OpVariable %_ptr_HitAttributeKHR"), 1u);
 }
 
-// Instructions that nobody here knows may be next to the entry points.
-TEST(PipelineStages, UnknownInstructionsBesideTheEntryPointStay)
+// Unknown instructions may be next to the entry points.
+TEST(PipelineStages, UnknownInstructionsOutsideTheEntryPointStay)
 {
     const std::vector<uint32_t> unknown{3u << 16 | 0x7abc, 0x1234567, 0x89abcde};
     Module words = loadShader(kTriangles.shader, "v15");
@@ -91,7 +91,7 @@ TEST(PipelineStages, UnknownInstructionsBesideTheEntryPointStay)
     EXPECT_FALSE(std::ranges::search(result.words, unknown).empty());
 }
 
-TEST(PipelineStages, WhatAnAnyHitShaderLacksIsAdded)
+TEST(PipelineStages, MissingDeclarationsOfAnyHitShadersAreAdded)
 {
     const std::string text = rewriteStage(kEmpty);
     EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumResolve"), 1u);
@@ -287,7 +287,7 @@ TEST(PipelineStages, ConstantFlagsOfAllRaysAreKnown)
     EXPECT_EQ(count(text, "%uint_16 %uint_255"), 1u);
 }
 
-TEST(PipelineStages, ThatCannotBeRewrittenSayWhy)
+TEST(PipelineStages, FailedRewritesStateTheReason)
 {
     spirv::RewriteOptions options = optionsOf(kTriangles);
     options.pipelineStage->entryPoint = "other";

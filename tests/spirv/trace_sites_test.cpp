@@ -117,7 +117,7 @@ OpReturn
 OpFunctionEnd
 )";
 
-TEST(TraceSites, AreThoseOfOneEntryPoint)
+TEST(TraceSites, OnlyOfOneEntryPoint)
 {
     const Module words = assemble(kArray);
     const auto site = [](std::optional<uint32_t> element) {

@@ -60,13 +60,13 @@ public:
 private:
     struct Map {
         vt::MicromapHandle handle;
-        vt::Guarded room;
+        vt::Guarded memory;
         uint32_t version = 0;
     };
     struct Bottom {
         VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
         VkDeviceAddress address = 0;
-        vt::Guarded room;
+        vt::Guarded memory;
     };
     struct Description;
 
@@ -75,8 +75,8 @@ private:
     void buildMicromap(uint32_t micromap);
     void copyMicromap(uint32_t micromap, VkCopyMicromapModeEXT mode);
     void reloadMicromap(uint32_t micromap);
-    VkDeviceSize askedOf(uint32_t micromap, VkQueryType type);
-    VkDeviceSize askedOf(VkAccelerationStructureKHR blas, VkQueryType type);
+    VkDeviceSize queriedSize(uint32_t micromap, VkQueryType type);
+    VkDeviceSize queriedSize(VkAccelerationStructureKHR blas, VkQueryType type);
     // Puts a new one of that size into a new place, and gives back the old one.
     Map replaceMicromap(uint32_t micromap, VkDeviceSize bytes);
     Bottom replaceBlas(uint32_t blas, VkDeviceSize bytes);

@@ -84,7 +84,7 @@ class Registry:
 
 
 def described(page):
-    """Extension: what the page says of it, each time."""
+    """Extension: each statement of the page about it."""
     rows, passed = {}, False
     for line in page.splitlines():
         if line.startswith("## "):

@@ -90,7 +90,7 @@ def messages(root):
 
 
 def severity(severities):
-    """None where some call does not tell."""
+    """None if the level of some call is not known."""
     if None in severities:
         return None
     return BOTH if len(severities) > 1 else next(iter(severities))

@@ -70,7 +70,7 @@ TEST(BakeExact, EqualsExactArithmeticOnGrids)
 }
 
 // So near to a side of texels that the machine's integers cannot represent the distance.
-TEST(BakeExact, EqualsExactArithmeticBesideASide)
+TEST(BakeExact, EqualsExactArithmeticNextToASide)
 {
     test::TestRandom random(4);
     Tally sum;
@@ -128,7 +128,7 @@ TEST(BakeExact, EqualsTheMathematicsAnywhere)
 }
 
 // With tolerances, the states hold over the micro-triangle and its margins: their Minkowski sum.
-TEST(BakeExact, TolerancesCostNoMoreThanTheyAskFor)
+TEST(BakeExact, TolerancesCostNoMoreThanTheirMargins)
 {
     test::TestRandom random(3);
     Tally sum;

@@ -267,7 +267,7 @@ TEST(BakeResult, CanBeCancelled)
     EXPECT_LT(done, 500u);
 }
 
-TEST(BakeResult, IsTheSameForAnyNumberOfThreads)
+TEST(BakeResult, SameForAnyNumberOfThreads)
 {
     const std::vector<TriangleUvs> triangles = scattered(700);
     const AlphaTexture t = disc(20);

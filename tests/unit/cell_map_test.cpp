@@ -29,7 +29,7 @@ int sideOf(const AlphaTexture &texture, const Thresholds &thresholds, int64_t x,
 
 } // namespace
 
-TEST(BakeCellMap, IsWhatTheTexelsSay)
+TEST(BakeCellMap, MatchesTheTexels)
 {
     test::TestRandom random(5);
     const float infinity = std::numeric_limits<float>::infinity();

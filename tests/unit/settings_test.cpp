@@ -226,7 +226,7 @@ TEST_F(SettingsTest, FaultsAreAppendedToTheReportFile)
                     "off; the setting is ignored\n");
 }
 
-TEST_F(SettingsTest, AFileThatIsNotThere)
+TEST_F(SettingsTest, MissingFile)
 {
     set("VK_LAYER_SETTINGS_PATH", (folder_ / "nowhere").string().c_str());
     EXPECT_EQ(printed(), "vellum: VELLUM-setting: VK_LAYER_SETTINGS_PATH is \"" + (folder_ / "nowhere").string() +
@@ -399,7 +399,7 @@ TEST_F(SettingsTest, FaultsReachMessengersAndTheFile)
 }
 
 // Whoever validates a program that has no messenger sees what is found.
-TEST_F(SettingsTest, ValidationPrintsWhereNobodyListens)
+TEST_F(SettingsTest, ValidationPrintsWithoutAMessenger)
 {
     const auto prints = [this](const std::map<std::string, const char *> &variables, bool messenger = false) {
         for (const char *name : {"VELLUM_REPORT", "VELLUM_REPORT_FILE", "VELLUM_VALIDATE"})

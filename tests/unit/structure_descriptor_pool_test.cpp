@@ -49,7 +49,7 @@ protected:
     const GpuContext &context_ = device_.context();
 };
 
-TEST_F(StructureDescriptorPools, ThoseInUseStayAndNewOnesStateNothing)
+TEST_F(StructureDescriptorPools, UsedOnesStayAndNewOnesStateNothing)
 {
     for (const Writer writer : {Writer::Device, Writer::Host}) {
         StructureDescriptorPool pool(writer);

@@ -41,7 +41,7 @@ protected:
 };
 
 // Over time, the structure has used three times as many slots as there are.
-TEST_F(StructureSlots, OfAGrowingStructureComeBack)
+TEST_F(StructureSlots, GrowingStructuresReleaseSlots)
 {
     for (uint32_t count = 1 << 16; count < 7u << 20; count += count / 4) {
         const auto slots = record(count);

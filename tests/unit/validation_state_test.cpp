@@ -321,7 +321,7 @@ TEST_F(BlockingSubmission, LetsOthersWaitAndSignal)
 }
 
 // Submissions that overtake each other have no known order.
-TEST_F(BlockingSubmission, IsNotOrderedWithThoseThatOvertakeIt)
+TEST_F(BlockingSubmission, NotOrderedWithOvertakingSubmissions)
 {
     const std::vector<VkCommandBuffer> buffers = allocate(makePool(), 3);
     std::map<VkCommandBuffer, bool> ordered;
@@ -483,7 +483,7 @@ protected:
     StructureRecords records;
 };
 
-TEST_F(References, OfDestroyedStructuresAreGivenBack)
+TEST_F(References, DestroyedStructuresReleaseTheirs)
 {
     std::mt19937_64 random(3);
     std::map<VkDeviceAddress, std::shared_ptr<StructureRecords::Owner>> alive;
@@ -507,7 +507,7 @@ TEST_F(References, OfDestroyedStructuresAreGivenBack)
 }
 
 // While two structures have an address it is unknown which of them is meant.
-TEST_F(References, OfTwoStructuresAreUnknownWhileBothExist)
+TEST_F(References, SharedByTwoStructuresAreUnknown)
 {
     auto one = records.take(), two = records.take();
     records.setReference(0x1000, *one);
@@ -527,7 +527,7 @@ TEST_F(References, OfTwoStructuresAreUnknownWhileBothExist)
     EXPECT_EQ(recordOf(0x1000), two->index());
 }
 
-TEST_F(ValidationState, StructuresByAddressForgetThoseThatAreGone)
+TEST_F(ValidationState, StructuresByAddressForgetDestroyedOnes)
 {
     StructuresByAddress structures;
     const auto kept = std::make_shared<ValidatedStructure>();
@@ -618,7 +618,7 @@ private:
     VkImage image_ = handle<VkImage>(0x77);
 };
 
-TEST_F(ImageRows, ThatOverlap)
+TEST_F(ImageRows, RowsThatOverlap)
 {
     EXPECT_TRUE(overlaps({region(0, 8, {4, 3, 1}), region(3, 8, {4, 3, 1})}));
     EXPECT_FALSE(overlaps({region(0, 8, {4, 3, 1}), region(4, 8, {4, 3, 1})}));
@@ -630,7 +630,7 @@ TEST_F(ImageRows, ThatOverlap)
 }
 
 // A step for each row would take minutes.
-TEST_F(ImageRows, ThatAreMany)
+TEST_F(ImageRows, ManyRows)
 {
     constexpr uint32_t kMany = 1u << 31;
     EXPECT_FALSE(overlaps({region(0, 2, {1, kMany, 1}), region(1, 2, {1, kMany, 1})}));
@@ -642,7 +642,7 @@ TEST_F(ImageRows, ThatAreMany)
 }
 
 // Sizes of 64 bits do not suffice for these.
-TEST_F(ImageRows, ThatExceedMemory)
+TEST_F(ImageRows, RowsThatExceedMemory)
 {
     constexpr uint32_t kAll = UINT32_MAX;
     auto huge = region(0, kAll, {kAll, kAll, kAll});

@@ -136,7 +136,7 @@ TEST(VerifyExact, FindsWhatTheMathematicsFindsAnywhere)
 }
 
 // With tolerances, a state is wrong if it is wrong without them; otherwise the margins (a Minkowski sum) decide.
-TEST(VerifyExact, FindsWhatIsTrueButNotWithMargins)
+TEST(VerifyExact, FindsStatesThatHoldOnlyWithoutMargins)
 {
     TestRandom random(13);
     Sum sum;

@@ -305,7 +305,7 @@ TEST(Verify, FactorsThatChangeAreInterpolated)
     }
 }
 
-TEST(Verify, WhatIsNotANumberProvesNothing)
+TEST(Verify, NanProvesNothing)
 {
     BakeOptions options;
     options.level = 2;

@@ -121,8 +121,8 @@ struct BuiltCase::QueryRun {
         commands = VK_NULL_HANDLE;
         resets = writes = false;
         for (const CopyResult &copy : std::exchange(copies, {}))
-            judge(copy.command->byAddress ? "vkCmdCopyQueryPoolResultsToMemoryKHR" : "vkCmdCopyQueryPoolResults",
-                  *copy.command, copy.expected, {copy.buffer.bytes(), static_cast<size_t>(copy.buffer.size())});
+            checkResults(copy.command->byAddress ? "vkCmdCopyQueryPoolResultsToMemoryKHR" : "vkCmdCopyQueryPoolResults",
+                         *copy.command, copy.expected, {copy.buffer.bytes(), static_cast<size_t>(copy.buffer.size())});
     }
     void fault(const std::string &what)
     {
@@ -142,8 +142,8 @@ struct BuiltCase::QueryRun {
     }
 
     [[nodiscard]] uint64_t alone(const QueryTarget &target);
-    void judge(const char *name, const QueryCommand &command, const QueryStates &expected,
-               std::span<const uint8_t> bytes);
+    void checkResults(const char *name, const QueryCommand &command, const QueryStates &expected,
+                      std::span<const uint8_t> bytes);
     void run(const QueryCommand &command);
     void write(const QueryCommand &command);
     void read(const QueryCommand &command);
@@ -171,8 +171,8 @@ uint64_t BuiltCase::QueryRun::alone(const QueryTarget &target)
     return value->second;
 }
 
-void BuiltCase::QueryRun::judge(const char *name, const QueryCommand &command, const QueryStates &expected,
-                                std::span<const uint8_t> bytes)
+void BuiltCase::QueryRun::checkResults(const char *name, const QueryCommand &command, const QueryStates &expected,
+                                       std::span<const uint8_t> bytes)
 {
     const Layout layout(command);
     std::vector<bool> mayChange(bytes.size());
@@ -243,7 +243,7 @@ void BuiltCase::QueryRun::read(const QueryCommand &command)
                           all ? "VK_SUCCESS" : "VK_NOT_READY"));
     QueryCommand without = command;
     without.offset = 0;
-    judge("vkGetQueryPoolResults", without, statesFor(command), {bytes, memory.size() * kUnit});
+    checkResults("vkGetQueryPoolResults", without, statesFor(command), {bytes, memory.size() * kUnit});
     finish();
 }
 

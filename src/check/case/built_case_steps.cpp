@@ -149,7 +149,7 @@ void BuiltCase::applyToObject(const Step &step)
     case Kind::MoveObject: return moveObject(bottom, step.other);
     case Kind::RenameObject: {
         auto second = std::make_unique<Blas>(gpu_);
-        second->useRoomOf(*bottom.structure);
+        second->useMemoryOf(*bottom.structure);
         second->create(bottom.structure->size());
         bottom.structure = std::move(second);
         return;
@@ -339,8 +339,9 @@ void BuiltCase::replaceAddresses(const Guarded &data, bool top, const Addresses 
             if (found != addresses.end())
                 std::memcpy(data.bytes() + at - 8, &found->second, 8);
             else if (address != 0)
-                gpu_.fault(fmt::format("the header of a serialized {} has an address that is none of its {} ({:#x})",
-                                       top ? "top level" : "structure", top ? "objects" : "micromaps", address));
+                gpu_.fault(
+                    fmt::format("the header of a serialized {} has an address that does not belong to its {} ({:#x})",
+                                top ? "top level" : "structure", top ? "objects" : "micromaps", address));
         }
     };
     if (top) {
@@ -447,7 +448,7 @@ void BuiltCase::moveObject(Bottom &moved, uint32_t other)
     auto clone = std::make_unique<Blas>(gpu_);
     clone->create(moved.structure->size());
     auto over = std::make_unique<Blas>(gpu_);
-    over->useRoomOf(*moved.structure);
+    over->useMemoryOf(*moved.structure);
     over->prepare(built.geometries, built.flags);
     execute(
         "cloned and built over", {clone->range(), over->range(), over->scratchRange()},

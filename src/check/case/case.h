@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "check/oracle/pipeline_judge.h"
+#include "check/oracle/pipeline_fault.h"
 #include "gpu/programs/pipeline_libraries.h"
 
 namespace vellum::check

@@ -193,7 +193,7 @@ void checkTriangles(const oracle::Mesh &mesh, const std::string &where)
         const Vec3 read = quantized(layout.vertexFormat, vertex);
         rule((inactive || !(read[0] < vertex[0] || read[0] > vertex[0])) &&
                  !(read[1] < vertex[1] || read[1] > vertex[1] || read[2] < vertex[2] || read[2] > vertex[2]),
-             where, "a vertex is none that {} has", nameOf(kVertexFormatNames, layout.vertexFormat));
+             where, "a vertex has a value that {} cannot represent", nameOf(kVertexFormatNames, layout.vertexFormat));
     }
     checkStride(layout, format.bytes, format.alignment, where);
     const uint32_t indexBytes = layout.indexType == VK_INDEX_TYPE_UINT16 ? 2 : 4;

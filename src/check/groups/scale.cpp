@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The group about scenes that are large in one respect. What rays aim at are a few elements with high numbers, each
-// unlike the many others, which are all the same: a device that loses a bit of a number takes one for another.
+// unlike the many others, which are equal: a device that loses a bit of a number confuses them.
 #include <array>
 #include <set>
 

@@ -15,7 +15,7 @@
 namespace vellum
 {
 
-// Bytes to write: own ones, and those of somebody who outlives this.
+// Bytes to write: own ones, and those of an owner that outlives this.
 class FileContent
 {
 public:

@@ -17,7 +17,7 @@ class Viewer {
     this.overview = null; // the one that shows everything
     this.center = [0.5, 0.5];
     this.scale = 100; // pixels of the canvas for 1 of u or v
-    this.frameAsked = false;
+    this.frameRequested = false;
     this.keyboard = false;
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
     this.listen();
@@ -80,9 +80,9 @@ class Viewer {
     this.untouched = false;
     const extent = Math.max(bounds.right - bounds.left, bounds.bottom - bounds.top, 1e-9);
     this.center = [(bounds.left + bounds.right) / 2, (bounds.top + bounds.bottom) / 2];
-    const room = 1 + 2 * margin;
+    const scale = 1 + 2 * margin;
     this.setScale(Math.min(this.canvas.width / Math.max(bounds.right - bounds.left, extent * 1e-3),
-                           this.canvas.height / Math.max(bounds.bottom - bounds.top, extent * 1e-3)) / room);
+                           this.canvas.height / Math.max(bounds.bottom - bounds.top, extent * 1e-3)) / scale);
     this.draw();
   }
 
@@ -123,10 +123,10 @@ class Viewer {
   // --- drawing ---
 
   draw() {
-    if (this.frameAsked || !this.index) return;
-    this.frameAsked = true;
+    if (this.frameRequested || !this.index) return;
+    this.frameRequested = true;
     requestAnimationFrame(() => {
-      this.frameAsked = false;
+      this.frameRequested = false;
       this.frame();
     });
   }

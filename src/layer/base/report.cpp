@@ -34,7 +34,7 @@ std::string publicId(std::string_view id)
     return id.starts_with("VUID") ? std::string("VELLUM") + "-" + std::string(id) : std::string(id);
 }
 
-// Messages are rare: the file is opened for each, and whoever reads it may move or remove it at any time.
+// Messages are rare: the file is opened for each, and its readers may move or remove it at any time.
 void append(const std::string &file, std::string line)
 {
     std::ranges::replace(line, '\n', ' ');

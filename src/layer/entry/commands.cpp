@@ -38,7 +38,7 @@ enum class Scope {
     Shaders,        // these, devices of Mode::Identifiers, and those on which assume_micromaps counts
     Ext,            // emulated devices with VK_EXT_opacity_micromap
     Address,        // devices with the layer's VK_KHR_device_address_commands
-    AddressEnabled, // emulated and translated devices with VK_KHR_device_address_commands, whoever implements it
+    AddressEnabled, // emulated and translated devices with VK_KHR_device_address_commands, of the layer or the driver
 };
 
 // A command of base/commands.inc.

@@ -2,7 +2,7 @@
 // Extensions of drivers that concern ray tracing: those that cannot be enabled together with the layer's micromaps, and
 // those that can.
 //
-// An extension that cannot is offered all the same: a device without micromaps may enable it. A device that enables
+// An extension that cannot is offered nevertheless: a device without micromaps may enable it. A device that enables
 // both is not created. Programs that enable every feature they know would then have no device, so a query of features
 // that names micromaps too returns false for such an extension: all features that one query returns can be enabled
 // together, and micromaps have precedence.

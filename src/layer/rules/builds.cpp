@@ -238,7 +238,7 @@ constexpr Rule<Build> kKhrInfo[] = {
      }},
 };
 constexpr Rule<Build> kKhrBuild[] = {
-    // The layer builds a micromap all the same.
+    // The layer builds a micromap nevertheless.
     {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557", Tolerate, "type",
      [](const Build &c) { return when(c.build.indirect, "a micromap cannot be built indirectly"); }},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-mode-11545", Tolerate, "mode",

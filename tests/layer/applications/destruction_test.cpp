@@ -176,7 +176,7 @@ TEST_F(Destruction, MicromapsBuffersAndMemoryInAnyOrder)
 }
 
 // The bottom level before the top level that names it, and the micromap before both. Nothing is traced any more.
-TEST_F(Destruction, WhatIsNamedBeforeWhatNamesIt)
+TEST_F(Destruction, ReferencedObjectsFirst)
 {
     for (int round = 0; round < 3; ++round) {
         auto micromap = makeMicromap(0);

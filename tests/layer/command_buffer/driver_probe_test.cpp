@@ -51,7 +51,7 @@ protected:
 };
 
 // Recorded first of all, so that the driver's way to serialize is not known yet.
-TEST_F(Probes, OfSerializationRunBesideTheApplicationsSubmissions)
+TEST_F(Probes, SerializationRunsDuringSubmissions)
 {
     const Blas blas(gpu(), {Geometry{.vertices = triangleRow(1)}});
     const QueryPool pool(gpu(), VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR, 4);

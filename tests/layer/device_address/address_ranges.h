@@ -111,7 +111,7 @@ protected:
             EXPECT_EQ(m.id, "VELLUM-VUID-" + rule) << m.text;
             reported = true;
         }
-        EXPECT_TRUE(reported) << "nobody complained: " << rule;
+        EXPECT_TRUE(reported) << "not reported: " << rule;
     }
     // A tolerated fault: one warning, and the command is executed unless the layer is strict. Returns true if it is
     // executed.

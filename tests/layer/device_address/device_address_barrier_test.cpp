@@ -202,7 +202,7 @@ class AddressTransfers : public AddressBarriers
 protected:
     AddressTransfers() : AddressBarriers({.validation = false, .addressCommands = true}) {}
 };
-TEST_F(AddressTransfers, AreOfTheRightBuffers)
+TEST_F(AddressTransfers, UseTheRightBuffers)
 {
     expectTransfers();
 }

@@ -89,11 +89,11 @@ TEST_F(AddressCopies, SecondaryCommandBuffers)
 // address was queried from.
 TEST_F(AddressCopies, AliasesWithDifferentUsage)
 {
-    for (const size_t asked : {0u, 1u}) {
+    for (const size_t queried : {0u, 1u}) {
         const Buffer from = randomBuffer(64, kSource);
         const Buffer to = buffer(64, kTarget);
         Aliases aliases(gpu(), 64, kSource, kTarget);
-        const VkDeviceAddress address = aliases.address(asked);
+        const VkDeviceAddress address = aliases.address(queried);
         gpu().submit([&](VkCommandBuffer commands) {
             copy(commands, copyRegion(rangeOf(from, 0, 64), {address, 64}));
             barrier(commands);
@@ -101,15 +101,16 @@ TEST_F(AddressCopies, AliasesWithDifferentUsage)
         });
         EXPECT_EQ(bytesOf(to), bytesOf(from));
         // When it is gone, the other one takes its place, unless the layer is strict (AddressCopiesHarmless).
-        aliases.destroy(asked);
+        aliases.destroy(queried);
         const auto back = copyRegion(rangeOf(from, 0, 64), {address, 64});
         const auto out = copyRegion({address, 64}, rangeOf(to, 0, 64));
         if (strictTests())
-            expectRejected(asked == 0 ? "VkDeviceMemoryCopyKHR-srcRange-13017" : "VkDeviceMemoryCopyKHR-dstRange-13018",
-                           [&](VkCommandBuffer commands) { copy(commands, asked == 0 ? out : back); });
-        aliases.destroy(1 - asked);
+            expectRejected(queried == 0 ? "VkDeviceMemoryCopyKHR-srcRange-13017"
+                                        : "VkDeviceMemoryCopyKHR-dstRange-13018",
+                           [&](VkCommandBuffer commands) { copy(commands, queried == 0 ? out : back); });
+        aliases.destroy(1 - queried);
         expectRejected("VkDeviceAddressRangeKHR-address-11365",
-                       [&](VkCommandBuffer commands) { copy(commands, asked == 0 ? back : out); });
+                       [&](VkCommandBuffer commands) { copy(commands, queried == 0 ? back : out); });
     }
 }
 
@@ -430,7 +431,7 @@ protected:
     }
 };
 
-TEST_F(AddressQueries, OfTheDriver)
+TEST_F(AddressQueries, DriverPools)
 {
     expectSame(VK_QUERY_TYPE_TIMESTAMP, [](VkCommandBuffer commands, VkQueryPool pool) {
         for (uint32_t i = 1; i < 3; ++i)
@@ -456,7 +457,7 @@ TEST_F(AddressQueries, DestroyedAliases)
     EXPECT_EQ(out.as<uint64_t>()[1], 1u);
 }
 
-TEST_F(AddressQueries, OfTheLayer)
+TEST_F(AddressQueries, LayerPools)
 {
     const Buffer storage = buffer(1 << 16, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
     const Buffer scratch = buffer(1 << 16, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
@@ -584,7 +585,7 @@ TEST_F(AddressCopiesHarmless, Sizes)
     update("VkDeviceAddressRangeKHR-address-11365", rangeOf(to, 248, 4096));
 }
 
-TEST_F(AddressCopies, CommandsOfExtensionsThatTheDeviceLacksAreNotThere)
+TEST_F(AddressCopies, CommandsOfMissingExtensionsAreNull)
 {
     if (validationOfTests() == Validation::Above)
         GTEST_SKIP() << "the validation layer has all commands that it knows";

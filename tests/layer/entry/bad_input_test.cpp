@@ -61,17 +61,17 @@ protected:
     // Vellum reports an error, and no layer below it does.
     void expectFinding(const char *rule)
     {
-        bool complained = false;
+        bool isReported = false;
         for (const Message &m : gpu().takeUnexpectedMessages()) {
             if (m.fromVellum() && m.severity == expectedSeverity(m)) {
                 EXPECT_NE(m.id.find(rule), std::string::npos) << m.id << ": " << m.text;
                 EXPECT_FALSE(m.text.empty());
-                complained = true;
+                isReported = true;
             } else {
                 ADD_FAILURE() << "from elsewhere: " << m.id << ": " << m.text;
             }
         }
-        EXPECT_TRUE(complained) << "no message";
+        EXPECT_TRUE(isReported) << "no message";
     }
 
     void expectStillWorking()

@@ -27,7 +27,7 @@ private:
 
 // Some devices have little memory that is both local to the device and visible to the host: without it, the layer's
 // tables are in other memory.
-TEST(Driver, WithoutLocalMemoryLeft)
+TEST(Driver, NoLocalMemoryLeft)
 {
     std::unique_ptr<Gpu> gpu;
     {
@@ -85,11 +85,11 @@ void nameMicromap(Api api)
     for (const Message &m : gpu.takeUnexpectedMessages())
         ADD_FAILURE() << m.id << ": " << m.text;
     // The spy would have reported it.
-    const auto stranger = reinterpret_cast<uint64_t>(&gpu);
+    const auto unknown = reinterpret_cast<uint64_t>(&gpu);
     auto marker = vkInit<VkDebugMarkerObjectNameInfoEXT>(
         {.objectType = VK_DEBUG_REPORT_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR_EXT,
-         .object = stranger,
-         .pObjectName = "stranger"});
+         .object = unknown,
+         .pObjectName = "unknown"});
     reinterpret_cast<PFN_vkDebugMarkerSetObjectNameEXT>(
         vkGetDeviceProcAddr(gpu.device(), "vkDebugMarkerSetObjectNameEXT"))(gpu.device(), &marker);
     EXPECT_EQ(gpu.takeUnexpectedMessages().size(), 1u);
@@ -163,7 +163,7 @@ VKAPI_ATTR VkBool32 VKAPI_CALL noteObject(VkDebugReportFlagsEXT, VkDebugReportOb
     return VK_FALSE;
 }
 
-// Objects of the layer's own keep their handles and names, but below the layer nobody looks them up by their type. The
+// Objects of the layer's own keep their handles and names, but nothing below the layer looks them up by their type. The
 // messengers are below it.
 TEST(Driver, MessagesOfTheApplicationNameNoMicromaps)
 {
@@ -257,7 +257,7 @@ TEST(Driver, ManyCopiesOfQueryResults)
 
 // VK_NV_displacement_micromap builds on the driver's own VK_EXT_opacity_micromap, and its structures carry a
 // VkMicromapEXT. The layer does not offer it if it emulates micromaps.
-TEST(Driver, NoDisplacementBesideEmulation)
+TEST(Driver, NoDisplacementWithEmulation)
 {
     const Environment force("VELLUM_IMPLEMENTATION", "emulated");
     auto gpu = std::make_unique<Gpu>(Options{.validation = false, .quirks = "displacement", .api = Api::Ext});
@@ -303,7 +303,7 @@ TEST(Driver, NoDisplacementBesideEmulation)
 }
 
 // The driver has both, but lacks an extension that is needed to translate, so micromaps are emulated.
-TEST(Driver, NoDisplacementBesideWhatTheDriverLacks)
+TEST(Driver, NoDisplacementWithPartialSupport)
 {
     auto gpu = std::make_unique<Gpu>(Options{.validation = false, .quirks = "displacement", .api = Api::Khr});
     const float priority = 1;

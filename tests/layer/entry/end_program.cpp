@@ -152,7 +152,7 @@ int main(int argc, char **argv)
     threads.rest(count);
     if (way == "instance" || way == "dlclose-after-instance") {
         COMMAND(vkDestroyInstance)(instance, nullptr);
-        if (way == "instance") { // a later one is not taken for the one that is gone
+        if (way == "instance") { // a later one is not confused with the destroyed one
             instance = makeInstance(loader, layers);
             device = makeDevice(loader, instance);
             COMMAND(vkDeviceWaitIdle)(device);

@@ -20,7 +20,7 @@ class End : public testing::TestWithParam<Case>
 {
 };
 
-TEST_P(End, KeepsWhatIsNotDestroyed)
+TEST_P(End, ObjectsThatAreNotDestroyed)
 {
     const auto &[way, threads, layers] = GetParam();
 #if defined(__SANITIZE_ADDRESS__)

@@ -98,7 +98,7 @@ TEST(ExtDriver, ReportsTheOtherExtensions)
     expectReported("OpacityMicromapIdKHR");
 }
 
-// Says that it has none, and rewrites what it gets all the same: shaders have what Vellum's layer put into them, and
+// Says that it has none, and rewrites what it gets nevertheless: shaders have what Vellum's layer put into them, and
 // more.
 TEST(EmulatingDriver, ReportsNothing)
 {

@@ -312,7 +312,6 @@ TEST_F(Failures, QueryPools)
     });
 }
 
-// See complaints().
 class FailuresUnvalidated : public Failures
 {
 protected:

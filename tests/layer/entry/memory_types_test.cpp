@@ -131,9 +131,9 @@ TEST_F(MemoryTypes, HostCommandsOnMemoryThatIsNotCoherent)
     const VkCopyMicromapInfoEXT toIt = copyInfo(other.handle().ext, micromap);
     gpu.submit([&](VkCommandBuffer commands) { gpu.vk().CmdCopyMicromapEXT(commands, &toIt); });
     VkDeviceSize sizes[2]{};
-    const VkMicromapEXT asked[]{micromap, other.handle().ext};
-    VT_CHECK(gpu.vk().WriteMicromapsPropertiesEXT(gpu.device(), 2, asked, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT,
-                                                  sizeof sizes, sizes, sizeof sizes[0]));
+    const VkMicromapEXT queried[]{micromap, other.handle().ext};
+    VT_CHECK(gpu.vk().WriteMicromapsPropertiesEXT(
+        gpu.device(), 2, queried, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT, sizeof sizes, sizes, sizeof sizes[0]));
     EXPECT_EQ(sizes[0], sizes[1]);
     gpu.vk().DestroyMicromapEXT(gpu.device(), micromap, nullptr);
     vkDestroyBuffer(gpu.device(), buffer, nullptr);

@@ -262,7 +262,7 @@ TEST_F(Properties, EntryPointsStayHiddenWhereTheExtensionIsNotEnabled)
     EXPECT_NE(vkGetDeviceProcAddr(plain.device(), "vkCmdDispatch"), nullptr);
 }
 
-TEST_F(Properties, EnablingAFeatureThatIsNotThereFails)
+TEST_F(Properties, EnablingAMissingFeatureFails)
 {
     auto wanted =
         vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>({.micromap = VK_TRUE, .micromapCaptureReplay = VK_TRUE});
@@ -271,7 +271,7 @@ TEST_F(Properties, EnablingAFeatureThatIsNotThereFails)
     VkDevice device = VK_NULL_HANDLE;
     EXPECT_EQ(createDevice(gpu().physical(), names, &wanted, &device), VK_ERROR_FEATURE_NOT_PRESENT);
     vkDestroyDevice(device, nullptr);
-    gpu().takeMessages(); // whoever reports it is right
+    gpu().takeMessages(); // reports of it are correct
 }
 
 // The layer enables bufferDeviceAddress, but not in a structure that it cannot change.

@@ -154,7 +154,7 @@ std::span<const Quirk> allFaults()
          "engines that build one at a time"},
         {"host-build-returns-early", Level::Micromaps,
          "vkBuildMicromapsEXT returns before it has built: the micromap is there after the next submission",
-         "a deferred operation that nobody waits for"},
+         "a deferred operation without a wait"},
         // instances.cpp
         {"disable-in-first-instance-only", Level::Instances,
          "VK_GEOMETRY_INSTANCE_DISABLE_OPACITY_MICROMAPS counts in the first instance only",

@@ -135,7 +135,7 @@ DeviceOptions deviceOptions(const Options &options)
             .bothApis = options.bothApis,
             .micromapFeature = options.micromapFeature,
             .hostCommands = options.hostCommands,
-            // A driver without the extension knows nothing of the mode.
+            // A driver without the extension does not know the mode.
             .declaresMode = options.vellum && options.micromaps && options.declaresMode,
             .addressReplay = options.addressReplay,
             .allQueueFamilies = options.absentGpu.empty(),
@@ -170,7 +170,7 @@ public:
     }
 
 private:
-    const bool validates_ = std::getenv("VELLUM_VALIDATE") != nullptr; // by whoever runs the tests
+    const bool validates_ = std::getenv("VELLUM_VALIDATE") != nullptr; // set for the whole run
 };
 
 Api apiOfTests()

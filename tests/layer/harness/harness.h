@@ -117,7 +117,7 @@ private:
     Options options_;
 };
 
-// A test with a device; at its end nobody may have reported an error. Where the device is shared, what a test left
+// A test with a device; at its end no error may have been reported. Where the device is shared, what a test left
 // alive is reported when the process ends; run_cases.py then runs the tests one by one to find out which it was.
 class GpuTest : public testing::Test
 {

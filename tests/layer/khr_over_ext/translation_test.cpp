@@ -523,7 +523,7 @@ TEST_F(TranslationDevices, EverythingThatIsListed)
     EXPECT_TRUE(gpu().takeUnexpectedMessages().empty());
 }
 
-// Commands that micromaps would take are not there, and nobody falls over that.
+// The commands of micromaps are missing, and the layer must not fail because of that.
 TEST_F(TranslationDevices, AddressCommandsAlone)
 {
     VkDevice device = VK_NULL_HANDLE;

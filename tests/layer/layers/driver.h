@@ -130,7 +130,7 @@ Function next(Level level, void *key, const char *name)
 #define DRIVER_NEXT(function) driver::next<PFN_##function>(kLevel, driver::keyOf(handle), #function)
 
 // Reports to all debug messengers.
-void tell(const std::string &text, const char *id = "DRIVER");
+void report(const std::string &text, const char *id = "DRIVER");
 
 template <class T = void>
 const T *inChain(const void *chain, VkStructureType type)

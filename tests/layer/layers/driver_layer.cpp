@@ -340,7 +340,7 @@ PFN_vkVoidFunction nextFunction(Level level, void *key, const char *name)
     return known->second;
 }
 
-void tell(const std::string &text, const char *id)
+void report(const std::string &text, const char *id)
 {
     std::vector<Messenger> all;
     {

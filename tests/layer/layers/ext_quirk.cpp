@@ -137,14 +137,14 @@ void expectMicromap(const char *where, VkMicromapEXT micromap)
         own = own || micromaps.contains(micromap);
     }
     if (!own)
-        tell(std::string(where) + ": a micromap that is not the driver's");
+        report(std::string(where) + ": a micromap that is not the driver's");
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createMicromap(VkDevice handle, const VkMicromapCreateInfoEXT *info,
                                               const VkAllocationCallbacks *allocator, VkMicromapEXT *micromap)
 {
     if (info->type != VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT)
-        tell("vkCreateMicromapEXT: a type that the driver does not know");
+        report("vkCreateMicromapEXT: a type that the driver does not know");
     const VkResult result = DRIVER_NEXT(vkCreateMicromapEXT)(handle, info, allocator, micromap);
     std::lock_guard lock(mutex);
     if (result == VK_SUCCESS)
@@ -172,7 +172,7 @@ VKAPI_ATTR void VKAPI_CALL cmdBuildMicromaps(VkCommandBuffer handle, uint32_t co
                                                   VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT |
                                                   VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
         if ((info.flags & ~known) != 0)
-            tell("vkCmdBuildMicromapsEXT: flags that the driver does not know");
+            report("vkCmdBuildMicromapsEXT: flags that the driver does not know");
     }
     builds += count;
     DRIVER_NEXT(vkCmdBuildMicromapsEXT)(handle, count, infos);
@@ -211,7 +211,7 @@ void takeUsages(const VkAccelerationStructureBuildGeometryInfoKHR &info, std::ve
         if (triangles == nullptr)
             continue;
         if (triangles->indexType == VK_INDEX_TYPE_NONE_KHR && triangles->indexBuffer.deviceAddress != 0)
-            tell(std::string(command) + ": an index buffer of indices of no type");
+            report(std::string(command) + ": an index buffer of indices of no type");
         usages.insert(usages.end(), triangles->pUsageCounts, triangles->pUsageCounts + triangles->usageCountsCount);
     }
 }

@@ -13,7 +13,7 @@ namespace
 using namespace driver;
 constexpr Level kLevel = Level::Garbage;
 
-// --- "dirty": memory that was somebody else's ---
+// --- "dirty": memory with the content of an earlier user ---
 
 constexpr uint8_t kOthers = 0xd7;
 constexpr VkDeviceSize kMostDirt = VkDeviceSize{64} << 20; // of one allocation
@@ -163,8 +163,8 @@ void writeGarbage(VkCommandBuffer handle, const VkAccelerationStructureBuildGeom
         }
     }
     if (found.buffer == VK_NULL_HANDLE)
-        return tell("VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03671 or -03672: no buffer has the " +
-                    std::to_string(bytes) + " bytes of scratch memory at " + std::to_string(address));
+        return report("VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03671 or -03672: no buffer has the " +
+                      std::to_string(bytes) + " bytes of scratch memory at " + std::to_string(address));
     DRIVER_NEXT(vkCmdFillBuffer)(handle, found.buffer, offset, bytes & ~VkDeviceSize{3}, kScratch);
 }
 

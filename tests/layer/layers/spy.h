@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The quirk "spy": what the files with its commands share. It stands for a driver that knows nothing of micromaps, and
+// The quirk "spy": what the files with its commands share. It simulates a driver without micromaps, and
 // reports every flag, structure and extension name of theirs that reaches it. (The validation layer does not: it knows
 // the extension and lets most of its bits pass.) Each file has the commands of one kind.
 #pragma once
@@ -23,9 +23,9 @@ Function nextOfDevice(void *key, const char *name)
 }
 #define SPY_NEXT(function) DRIVER_NEXT(function)
 
-inline void tell(const std::string &text)
+inline void report(const std::string &text)
 {
-    driver::tell(text, "SPY");
+    driver::report(text, "SPY");
 }
 
 // True if the device has the driver's own VK_EXT_opacity_micromap (quirk "ext"): the spy then accepts that extension.

@@ -133,11 +133,11 @@ VKAPI_ATTR VkResult VKAPI_CALL getCacheData(VkDevice handle, VkPipelineCache cac
         return SPY_NEXT(vkGetPipelineCacheData)(handle, cache, size, data);
     std::lock_guard lock(mutex);
     const std::set<Key> &known = caches[cache];
-    const size_t room = *size / sizeof(Key);
+    const size_t capacity = *size / sizeof(Key);
     *size = known.size() * sizeof(Key);
     if (data == nullptr)
         return VK_SUCCESS;
-    if (room < known.size())
+    if (capacity < known.size())
         return VK_INCOMPLETE;
     std::copy(known.begin(), known.end(), static_cast<Key *>(data));
     return VK_SUCCESS;

@@ -217,7 +217,7 @@ VkAccelerationStructureBuildGeometryInfoKHR exactSizeBuild(VkCommandBuffer handl
     const VkDeviceSize bytes = neededBytes(handle, info, counts);
     Content content{bytes, claimedBytes(bytes)};
     if (target.size < (update ? content.bytes : content.claimed))
-        tell(
+        report(
             "vkCmdBuildAccelerationStructuresKHR: VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126: a handle of " +
             std::to_string(target.size) + " bytes for a build of " + std::to_string(content.claimed));
     if (update) {
@@ -266,10 +266,10 @@ VKAPI_ATTR void VKAPI_CALL cmdCopy(VkCommandBuffer handle, const VkCopyAccelerat
     const bool compacts = info->mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
     if (compacts)
         content.claimed = content.bytes;
-    const VkDeviceSize room = handleOf(info->dst).size;
-    if (!compacts && room < content.claimed)
-        tell("VUID-VkCopyAccelerationStructureInfoKHR-mode-12418: a handle of " + std::to_string(room) + " bytes for " +
-             std::to_string(content.claimed));
+    const VkDeviceSize capacity = handleOf(info->dst).size;
+    if (!compacts && capacity < content.claimed)
+        report("VUID-VkCopyAccelerationStructureInfoKHR-mode-12418: a handle of " + std::to_string(capacity) +
+               " bytes for " + std::to_string(content.claimed));
     below.src = ofExactSize(handle, info->src, content.bytes);
     below.dst = ofExactSize(handle, info->dst, content.bytes);
     if (content.bytes > 0)

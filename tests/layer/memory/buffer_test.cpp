@@ -51,7 +51,7 @@ protected:
     }
 };
 
-TEST_F(Buffers, ThatAreProtectedGetNoUsageMore)
+TEST_F(Buffers, ProtectedBuffersGetNoMoreUsage)
 {
     for (const VkBufferUsageFlags usage : {kScratchUsage, VkBufferUsageFlags{VK_BUFFER_USAGE_STORAGE_BUFFER_BIT},
                                            kScratchUsage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT}) {
@@ -61,7 +61,7 @@ TEST_F(Buffers, ThatAreProtectedGetNoUsageMore)
     }
 }
 
-TEST_F(Buffers, OfTileMemoryGetNoUsageMore)
+TEST_F(Buffers, TileMemoryGetsNoMoreUsage)
 {
     constexpr VkBufferUsageFlags kTileMemory = 0x08000000; // VK_BUFFER_USAGE_TILE_MEMORY_BIT_QCOM
     create(bufferInfo(kScratchUsage | kTileMemory));
@@ -94,7 +94,7 @@ TEST_F(Buffers, AllocationFlagsBehindAnUnknownStructureAreReported)
 }
 
 // Their usage, too, may be in the chain.
-TEST_F(Buffers, OfExternalMemory)
+TEST_F(Buffers, ExternalMemory)
 {
     const auto usage2 = vkInit<VkBufferUsageFlags2CreateInfoKHR>({.usage = kMicromapUsage});
     auto info = vkInit<VkPhysicalDeviceExternalBufferInfo>(
@@ -113,7 +113,7 @@ protected:
     BindingsExt() : Buffers({.validation = false, .quirks = "failures", .api = Api::Ext}) {}
 };
 
-TEST_F(BindingsExt, ThatFailInPart)
+TEST_F(BindingsExt, PartialFailures)
 {
     MicromapInput input;
     input.add(4, kFourState, std::vector<uint8_t>(256, 1));

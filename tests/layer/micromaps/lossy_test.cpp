@@ -271,7 +271,7 @@ TEST_F(Lossy, CompactionSaves)
 }
 
 // A shader that takes unknown hits for what the application's data says sees the same picture.
-TEST_F(Lossy, RaysSeeTheStateOrAskForIt)
+TEST_F(Lossy, RaysSeeTheStateOrACandidate)
 {
     Random random(43);
     MicromapInput input;
@@ -303,7 +303,7 @@ TEST_F(Lossy, RaysSeeTheStateOrAskForIt)
     }
     const std::vector<Result> results = Tracer(gpu()).trace(tlas, rays);
     const vellum::Micromap model = modelOf(input);
-    std::vector<size_t> asked(states.size());
+    std::vector<size_t> candidates(states.size());
     std::vector<size_t> needed(states.size());
     std::vector<size_t> tried(states.size());
     for (size_t r = 0; r < rays.size(); ++r) {
@@ -321,7 +321,7 @@ TEST_F(Lossy, RaysSeeTheStateOrAskForIt)
         }
         ++tried[t];
         needed[t] += state >= 2 ? 1u : 0u;
-        asked[t] += seen.candidateCount;
+        candidates[t] += seen.candidateCount;
         ASSERT_TRUE(seen.candidateCount == 1 || (state < 2 && seen.candidateCount == 0))
             << "triangle " << t << ", " << i;
         if (seen.candidateCount == 0) {
@@ -329,9 +329,9 @@ TEST_F(Lossy, RaysSeeTheStateOrAskForIt)
         }
     }
     for (size_t t = 0; t < states.size(); ++t)
-        EXPECT_LE(static_cast<double>(asked[t] - needed[t]), static_cast<double>(tried[t]) / 16 * 1.1)
+        EXPECT_LE(static_cast<double>(candidates[t] - needed[t]), static_cast<double>(tried[t]) / 16 * 1.1)
             << "triangle " << t;
-    EXPECT_GT(asked.back(), needed.back());
+    EXPECT_GT(candidates.back(), needed.back());
 }
 
 // Micromaps without levels above 2 cannot become smaller.

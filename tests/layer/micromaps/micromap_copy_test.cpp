@@ -18,7 +18,7 @@ const vt::Labels kLabels{{"MicromapCopy.*", "stacked forced"},
                          {"MicromapCopy.RejectsWrongCopies", "lenient strict"},
                          {"MicromapCopy.SerializedHeader", "inside"},
                          {"MicromapCopy.TooSmallATarget", "inside"},
-                         {"MicromapCopy.WhatIsNoMicromapBecomesUnknown", "inside"},
+                         {"MicromapCopy.InvalidDataBecomesUnknown", "inside"},
                          {"MicromapCopyValidated.*", "inside"}};
 
 using namespace vt;
@@ -263,7 +263,7 @@ TEST_F(MicromapCopy, SerializedMicromapsCanBeReloaded)
     }
 }
 
-TEST_F(MicromapCopy, WhatIsNoMicromapBecomesUnknown)
+TEST_F(MicromapCopy, InvalidDataBecomesUnknown)
 {
     Micromap source(gpu(), repetitive());
     source.build();

@@ -365,7 +365,7 @@ protected:
 };
 
 // A mapping that only the driver can make (VK_EXT_map_memory_placed defines its structure; here it requests nothing) is
-// one all the same: the layer must not map the memory a second time, and must unmap it when the application does.
+// one nevertheless: the layer must not map the memory a second time, and must unmap it when the application does.
 TEST_F(MicromapHostNewer, MappedByTheDriver)
 {
     struct MapInfo { // VkMemoryMapInfo, which the oldest supported headers do not know

@@ -211,8 +211,8 @@ TEST_P(MicromapSize, CopiesThatCannotBeCarriedOut)
     expectNoMessages();
     restore(memory.address(), small);
     expectGpuError("VELLUM-micromap-copy-size");
-    const Buffer room(gpu(), 256, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    save(source, room.address());
+    const Buffer buffer(gpu(), 256, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    save(source, buffer.address());
     expectGpuError("VELLUM-micromap-copy-size");
 }
 

@@ -26,8 +26,8 @@ protected:
         MicromapStructure::TearDown();
     }
     // A build, changed, into a target that must stay as it is. `sizes`: they are rejected by the same rule, too.
-    void expectBuildRefused(const std::string &rule, const std::function<void(StructureBuild &)> &change,
-                            bool sizes = false)
+    void expectBuildRejected(const std::string &rule, const std::function<void(StructureBuild &)> &change,
+                             bool sizes = false)
     {
         SCOPED_TRACE(rule);
         const Micromap target(gpu(), micromap_, micromap_.size());
@@ -59,7 +59,7 @@ protected:
                             const std::string &rule)
     {
         if (strictTests())
-            return expectCreationRefused(type, range, rule);
+            return expectCreationRejected(type, range, rule);
         auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
             {.addressRange = range, .addressFlags = kUnknownUsage, .type = type});
         VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
@@ -76,7 +76,7 @@ protected:
                          bool sizes = false, const std::vector<int> &expected = kForwards)
     {
         if (strictTests())
-            return expectBuildRefused(rule, change, sizes);
+            return expectBuildRejected(rule, change, sizes);
         SCOPED_TRACE(rule);
         const Micromap target(gpu(), micromap_, micromap_.size() + 4096);
         StructureBuild odd(micromap_.buildInfo(), target.handle().khr);
@@ -102,7 +102,7 @@ TEST_F(MicromapStructureRejected, GeometriesAndUsageCounts)
     const std::string info = "VUID-VkAccelerationStructureBuildGeometryInfoKHR-";
     const std::string data = "VUID-VkAccelerationStructureGeometryMicromapDataKHR-";
     const auto rejected = [this](const std::string &rule, const std::function<void(StructureBuild &)> &change) {
-        expectBuildRefused(rule, change, true);
+        expectBuildRejected(rule, change, true);
     };
     const auto done = [this](const std::string &rule, const std::function<void(StructureBuild &)> &change) {
         expectBuildDone(rule, change, true);
@@ -182,7 +182,7 @@ TEST_F(MicromapStructureRejected, BuildsAndTheirMemory)
 {
     const std::string command = "VUID-vkCmdBuildAccelerationStructuresKHR-";
     const auto rejected = [&](const std::string &rule, const std::function<void(StructureBuild &)> &change) {
-        expectBuildRefused(rule, change);
+        expectBuildRejected(rule, change);
     };
     const auto done = [&](const std::string &rule, const std::function<void(StructureBuild &)> &change,
                           const std::vector<int> &expected = kForwards) {
@@ -340,7 +340,7 @@ TEST_F(MicromapStructureRejected, Creation)
     constexpr std::array kTypes{kMicromapType, kGeneric, kBottom, kTop};
     const auto create = [&](VkDeviceAddress address, VkDeviceSize size, const char *rule) {
         for (const VkAccelerationStructureTypeKHR type : kTypes)
-            expectCreationRefused(type, {address, size}, rule);
+            expectCreationRejected(type, {address, size}, rule);
     };
     // The part in the buffer may be enough, and drivers ignore the buffer's usage.
     constexpr const char *kInBuffer = "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603";
@@ -350,8 +350,8 @@ TEST_F(MicromapStructureRejected, Creation)
     }
     constexpr const char *kAligned = "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605";
     for (const VkAccelerationStructureTypeKHR type : {kGeneric, kBottom, kTop})
-        expectCreationRefused(type, {memory.address() + 128, 256}, kAligned);
-    expectCreationRefused(kMicromapType, {memory.address() + 8, 256}, kAligned);
+        expectCreationRejected(type, {memory.address() + 128, 256}, kAligned);
+    expectCreationRejected(kMicromapType, {memory.address() + 8, 256}, kAligned);
     expectCreationDone(kMicromapType, {memory.address() + 16, 1024}, kAligned);
     create(256, 256, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602");
     create(memory.address(), 0, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608");

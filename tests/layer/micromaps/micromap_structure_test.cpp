@@ -20,7 +20,7 @@ const vt::Labels kLabels{{"MicromapStructure.*", "one_api stacked forced"},
 using namespace vt;
 
 // One command builds micromaps, a bottom-level and a top-level structure, which are independent of each other.
-TEST_F(MicromapStructure, BuiltBesideOtherStructures)
+TEST_F(MicromapStructure, BuiltTogetherWithOtherStructures)
 {
     Micromap before(gpu(), eightStates());
     before.build();
@@ -126,7 +126,7 @@ TEST_F(MicromapStructure, EveryTypeOnAddressRanges)
     }
 }
 
-TEST_F(MicromapStructure, GenericBecomesWhatIsBuilt)
+TEST_F(MicromapStructure, GenericTakesTheBuiltType)
 {
     const Micromap input(gpu(), eightStates());
     Micromap other(gpu(), eightStates(true));
@@ -367,7 +367,7 @@ TEST_F(MicromapStructureDisabled, ReportsMicromaps)
     const Buffer memory(gpu(), 4096, kStorage);
     const MicromapInput input = eightStates();
     if (!strictTests()) {
-        // It works all the same.
+        // It works nevertheless.
         Micromap micromap(gpu(), input);
         micromap.build();
         const std::vector<Message> messages = gpu().takeUnexpectedMessages();
@@ -378,8 +378,8 @@ TEST_F(MicromapStructureDisabled, ReportsMicromaps)
         EXPECT_EQ(tracedMicromap(micromap), kForwards);
         return;
     }
-    expectCreationRefused(kMicromapType, {memory.address(), 1024},
-                          "VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609");
+    expectCreationRejected(kMicromapType, {memory.address(), 1024},
+                           "VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609");
     const std::vector<VkMicromapUsageEXT> usage = input.usage();
     VkMicromapBuildInfoEXT info{};
     info.usageCountsCount = static_cast<uint32_t>(usage.size());

@@ -199,8 +199,8 @@ protected:
         return values;
     }
     // A vkCreateAccelerationStructure2KHR that the layer rejects.
-    void expectCreationRefused(VkAccelerationStructureTypeKHR type, const VkDeviceAddressRangeKHR &range,
-                               const std::string &rule)
+    void expectCreationRejected(VkAccelerationStructureTypeKHR type, const VkDeviceAddressRangeKHR &range,
+                                const std::string &rule)
     {
         auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
             {.addressRange = range, .addressFlags = kUnknownUsage, .type = type});

@@ -76,7 +76,7 @@ protected:
     std::vector<MicromapHandle> handles_;
 };
 
-TEST_F(Packing, CopiesMoveWhatIsInUse)
+TEST_F(Packing, CopiesMoveBytesInUse)
 {
     ASSERT_GT(used_, 512u);
     ASSERT_LT(used_, 4096u);
@@ -92,7 +92,7 @@ TEST_F(Packing, CopiesMoveWhatIsInUse)
     EXPECT_TRUE(untouched(8192 + used_, kArenaBytes));
 }
 
-TEST_F(Packing, SizesAreOfWhatIsInUse)
+TEST_F(Packing, SizesCountBytesInUse)
 {
     const MicromapHandle handle = place(0);
     copy(source_.handle(), handle);
@@ -109,7 +109,7 @@ TEST_F(Packing, SizesAreOfWhatIsInUse)
     }
 }
 
-TEST_F(Packing, WhatIsInUseMayNotOverlap)
+TEST_F(Packing, BytesInUseMustNotOverlap)
 {
     const MicromapHandle first = place(256);
     copy(source_.handle(), first);

@@ -220,7 +220,7 @@ TEST_F(MixedSpecialIndex, StaysInTheLayer)
     expectNoMessages();
 }
 
-TEST_F(MixedSpecialIndex, WithoutTheBitOfRayTracingPipelines)
+TEST_F(MixedSpecialIndex, MissingBitOfRayTracingPipelines)
 {
     expected_ = strictTests() ? VK_ERROR_VALIDATION_FAILED_EXT : VK_SUCCESS;
     makeRayTracing(0);
@@ -233,7 +233,7 @@ protected:
     MixedSpecialIndexWithoutKhr() : MixedSpecialIndex(Api::Ext) {}
 };
 
-TEST_F(MixedSpecialIndexWithoutKhr, IsReported)
+TEST_F(MixedSpecialIndexWithoutKhr, Reported)
 {
     expected_ = strictTests() ? VK_ERROR_VALIDATION_FAILED_EXT : VK_SUCCESS;
     makeCompute();

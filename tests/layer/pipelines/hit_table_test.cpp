@@ -263,7 +263,7 @@ TEST_F(HitTables, OffsetAndStrideOfTheTrace)
 
 // A command buffer that two queues may execute at once: no trace writes what another one reads. The spy looks at that
 // (layers/spy_pipelines.cpp), since lavapipe has one queue.
-TEST_F(HitTables, OfACommandBufferThatMayRunTwice)
+TEST_F(HitTables, SimultaneousUse)
 {
     PipelineTracer tracer(gpu(), {.records = {0, 1, 0}});
     const PipelineScene scene(gpu());

@@ -13,7 +13,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"ModuleIdentifiers.AreThoseOfTheCode", "translated"},
+const vt::Labels kLabels{{"ModuleIdentifiers.DependOnTheCode", "translated"},
                          {"ModuleIdentifiers.NameAQuery", "translated"},
                          {"ModuleIdentifiers.NameShadersThatTraceNoRays", "translated"}};
 
@@ -124,7 +124,7 @@ protected:
     }
 };
 
-TEST_F(ModuleIdentifiers, AreThoseOfTheCode)
+TEST_F(ModuleIdentifiers, DependOnTheCode)
 {
     EXPECT_EQ(ofModule(gpu(), tracer_comp), ofInfo(gpu(), tracer_comp));
     EXPECT_EQ(ofModule(gpu(), empty), ofInfo(gpu(), empty));
@@ -150,7 +150,7 @@ TEST_F(ModuleIdentifiers, NameShadersThatTraceNoRays)
 }
 
 // Code with other tables in it: on another device of the process. Shaders that trace no rays are the same.
-TEST_F(ModuleIdentifiers, OfAnotherDevice)
+TEST_F(ModuleIdentifiers, AnotherDevice)
 {
     Gpu other(cachingDriver());
     const Tracer tracer(gpu());
@@ -162,7 +162,7 @@ TEST_F(ModuleIdentifiers, OfAnotherDevice)
 }
 
 // Code that was compiled without the layer would find wrong custom indices, and see no micromaps.
-TEST_F(ModuleIdentifiers, OfADeviceWithoutTheLayer)
+TEST_F(ModuleIdentifiers, DeviceWithoutTheLayer)
 {
     Gpu bare(cachingDriver(false));
     const Tracer tracer(gpu());
@@ -185,7 +185,7 @@ TEST_F(ModuleIdentifiers, BehindAnUnknownStructure)
 }
 
 // Both use the algorithm of the physical device.
-TEST_F(ModuleIdentifiers, OfADeviceWithoutMicromaps)
+TEST_F(ModuleIdentifiers, DeviceWithoutMicromaps)
 {
     Options options = cachingDriver();
     options.micromaps = false;
@@ -215,7 +215,7 @@ TEST_F(ModuleIdentifiers, OfADeviceWithoutMicromaps)
 
 // Code that the layer cannot rewrite has no module on the device, and its identifier must not match what others
 // compiled.
-TEST_F(ModuleIdentifiers, OfCodeThatCannotBeRewritten)
+TEST_F(ModuleIdentifiers, CodeThatCannotBeRewritten)
 {
     std::vector<uint32_t> broken = gpu().code(tracer_comp);
     broken.pop_back(); // in the middle of an instruction
@@ -325,7 +325,7 @@ TEST_F(KeptIdentifiers, InKeysAndCaches)
 }
 
 // A driver that has no binary for the first way to read the identifier writes that it has written none.
-TEST_F(KeptIdentifiers, FromTheCacheAtOnce)
+TEST_F(KeptIdentifiers, FromTheCacheWithoutACountQuery)
 {
     const auto capture = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = kCaptureData});
     Identifier query;

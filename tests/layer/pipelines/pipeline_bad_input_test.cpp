@@ -54,13 +54,13 @@ protected:
     void expectFinding(const char *rule)
     {
         takeAll();
-        bool complained = false;
+        bool isReported = false;
         for (const Message &m : messages_) {
             EXPECT_TRUE(m.fromVellum()) << "from elsewhere: " << m.id << ": " << m.text;
             if (m.fromVellum() && m.severity == expectedSeverity(m))
-                complained = complained || m.id.find(rule) != std::string::npos;
+                isReported = isReported || m.id.find(rule) != std::string::npos;
         }
-        EXPECT_TRUE(complained) << "no message of " << rule;
+        EXPECT_TRUE(isReported) << "no message of " << rule;
         messages_.clear();
     }
 
@@ -82,7 +82,7 @@ TEST_F(PipelineWithoutFeature, TheBit)
 }
 
 // If the extension is enabled without its feature, pipelines use micromaps nevertheless.
-TEST_F(PipelineWithoutFeature, WorksAllTheSame)
+TEST_F(PipelineWithoutFeature, UsesMicromaps)
 {
     if (strictTests())
         GTEST_SKIP() << "there is no such pipeline";
@@ -160,7 +160,7 @@ TEST_F(PipelineBadInput, LibrariesWithAndWithoutTheBitInAPipelineWithoutIt)
 }
 
 // The stage index exceeds the stages of the pipeline and its libraries.
-TEST_F(PipelineBadInput, StageThatIsNotThere)
+TEST_F(PipelineBadInput, MissingStage)
 {
     for (const auto shader :
          {&PipelineGroup::general, &PipelineGroup::closestHit, &PipelineGroup::anyHit, &PipelineGroup::intersection}) {
@@ -213,7 +213,7 @@ TEST_F(PipelineBadInput, OneOfThree)
 }
 
 // No module has this entry point: a message is expected, and the layer must continue.
-TEST_F(PipelineBadInput, EntryPointThatIsNotThere)
+TEST_F(PipelineBadInput, MissingEntryPoint)
 {
     for (const size_t stage : {0u, 2u, 3u, 4u}) {
         tryChanged([stage](PipelineSetup &setup) { setup.stages[stage].entry = "nowhere"; });

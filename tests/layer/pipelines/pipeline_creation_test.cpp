@@ -111,7 +111,7 @@ protected:
     PipelineCreationNotDeferred() : PipelineCreationDeferred("") {}
 };
 
-TEST_F(PipelineCreationDeferred, ByTheDriver)
+TEST_F(PipelineCreationDeferred, Deferred)
 {
     expectDeferred({});
 }
@@ -121,7 +121,7 @@ TEST_F(PipelineCreationDeferred, JoinedByThreads)
     expectDeferred({.joiners = 3});
 }
 
-TEST_F(PipelineCreationNotDeferred, ByTheDriver)
+TEST_F(PipelineCreationNotDeferred, NotDeferred)
 {
     expectDeferred({});
 }
@@ -135,7 +135,7 @@ protected:
     }
 };
 
-TEST_F(PipelineCreationDeferredInline, ByTheDriver)
+TEST_F(PipelineCreationDeferredInline, Deferred)
 {
     if (!gpu().has("VK_KHR_maintenance5"))
         GTEST_SKIP() << "no VK_KHR_maintenance5";
@@ -270,7 +270,7 @@ TEST_F(PipelineCreationUncompiledDeferred, SomeOfSeveral)
     expectHalfMade(true);
 }
 
-// A deferred operation that nobody used, and one whose call failed.
+// An unused deferred operation, and one whose call failed.
 TEST_F(PipelineCreation, UnusedOperation)
 {
     VkDeferredOperationKHR operation = VK_NULL_HANDLE;

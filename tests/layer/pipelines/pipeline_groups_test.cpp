@@ -141,7 +141,7 @@ TEST_F(PipelineGroups, OneStageInManyGroups)
 TEST_F(PipelineGroups, WideHitAttributes)
 {
     if (gpu().pipelineProperties().maxRayHitAttributeSize < 32)
-        GTEST_SKIP() << "no room for the attributes";
+        GTEST_SKIP() << "the attributes are too large";
     for (const bool triangleAnyHit : {true, false}) {
         for (const bool boxAnyHit : {true, false}) {
             PipelineTracer tracer(

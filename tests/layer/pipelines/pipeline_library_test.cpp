@@ -159,7 +159,7 @@ TEST_F(PipelineLibrary, GroupsWithoutAnyHit)
     }
 }
 
-TEST_F(PipelineLibrary, NothingButLibraries)
+TEST_F(PipelineLibrary, OnlyLibraries)
 {
     for (const Plan &plan : kOnlyLibraries) {
         for (const bool anyHit : {true, false}) {

@@ -109,9 +109,9 @@ protected:
             for (uint32_t i = 0; i < kTriangles; ++i) {
                 SCOPED_TRACE(testing::Message() << "triangle " << i << " ray flags " << flags);
                 const Outcome outcome = outcomeOf(micromaps ? static_cast<int>(i % 4) : kNoMicromap, false, 0, flags);
-                const bool asked = outcome == Outcome::NonOpaque && anyHit;
+                const bool isCandidate = outcome == Outcome::NonOpaque && anyHit;
                 const bool hit = outcome == Outcome::NonOpaque || outcome == Outcome::Opaque;
-                expectSeen(seen.as<Seen>()[2 * i], asked, flags, &geometry.vertices[3 * i]);
+                expectSeen(seen.as<Seen>()[2 * i], isCandidate, flags, &geometry.vertices[3 * i]);
                 expectSeen(seen.as<Seen>()[2 * i + 1], hit, flags, &geometry.vertices[3 * i]);
                 if (HasFailure())
                     return;

@@ -227,8 +227,8 @@ private:
         const bool reported = met && (!p.box || rays_[i].generate > 0);
         const bool anyHit = p.box ? view.boxAnyHit : view.triangleAnyHit;
         const bool closestHit = p.box ? view.boxClosestHit : view.triangleClosestHit;
-        const bool asked = reported && outcome == Outcome::NonOpaque && anyHit;
-        const bool hit = reported && (!asked || rays_[i].rule == kAlways);
+        const bool isCandidate = reported && outcome == Outcome::NonOpaque && anyHit;
+        const bool hit = reported && (!isCandidate || rays_[i].rule == kAlways);
         const float u = p.box ? static_cast<float>(aim.target.primitive) + 0.25f : static_cast<float>(aim.target.uv[0]);
         const float v = p.box ? static_cast<float>(aim.target.geometry) + 0.5f : static_cast<float>(aim.target.uv[1]);
         const uint32_t kind = p.box ? 0x10 + aim.target.primitive : kHitKindFront;
@@ -247,12 +247,12 @@ private:
             if (!(view.constantFlags ? visit.flags == flags : intersectionMaySee(visit.flags, flags)) ||
                 visit.record != record || visit.tMin != 0)
                 return "what the intersection shader reads: flags " + std::to_string(visit.flags);
-            const bool returns = hit && !(view.terminates && asked);
+            const bool returns = hit && !(view.terminates && isCandidate);
             if (visit.reported != (rays_[i].generate > 0 ? returns ? 3u : 1u : 0u))
                 return "reportIntersectionEXT gave " + std::to_string(visit.reported);
         }
-        if ((r.candidateCount > 0) != asked)
-            return asked ? "the any-hit shader did not run" : "the any-hit shader ran";
+        if ((r.candidateCount > 0) != isCandidate)
+            return isCandidate ? "the any-hit shader did not run" : "the any-hit shader ran";
         for (size_t k = 0; k < r.candidates.size(); ++k) {
             if (!named(r.candidates[k]))
                 return "the any-hit shader's identity";

@@ -74,7 +74,7 @@ std::map<std::string, std::string> wordsOfARun(const fs::path &folder)
     return words;
 }
 
-TEST(StableWords, AreTheSameInEveryRun)
+TEST(StableWords, SameInEveryRun)
 {
     if (!choosesAddresses(Gpu(plain()).physical()))
         GTEST_SKIP() << "the driver chooses the addresses";

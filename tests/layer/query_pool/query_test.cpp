@@ -365,7 +365,7 @@ TEST_F(Queries, AMicromapThatWasNeverBuilt)
     EXPECT_LE(value, 4096u);
 }
 
-// The driver knows nothing of the records at the end of a structure: results must be larger by them.
+// The driver does not know the records at the end of a structure: the layer adds their size to results.
 TEST_F(Queries, AccelerationStructuresWithMicromaps)
 {
     Geometry plain{.vertices = triangleRow(500)};

@@ -97,7 +97,7 @@ TEST_F(BottomCopies, RecordedBeforeTheBuild)
     EXPECT_EQ(seenOf(gpu(), *target), seenOf(gpu(), source));
 }
 
-TEST_F(BottomCopies, OneRecordingFollowsWhatIsBuilt)
+TEST_F(BottomCopies, OneRecordingFollowsRebuilds)
 {
     const Patchwork patchwork(gpu()), other(gpu(), 2);
     Blas source(gpu(), patchwork.geometries());

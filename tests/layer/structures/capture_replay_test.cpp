@@ -30,7 +30,7 @@ const vt::Labels kLabels{{"CaptureReplay.*", "slow unforced unpacked"}};
 constexpr const char *kFile = "VELLUM_TEST_CAPTURED"; // the file of a capture
 constexpr const char *kReplays = "VELLUM_TEST_REPLAYS";
 constexpr const char *kDriver = "capable,replay";
-constexpr VkDeviceSize kRoom = VkDeviceSize{1} << 20; // of a structure
+constexpr VkDeviceSize kBytes = VkDeviceSize{1} << 20; // of a structure
 
 // The record of a capture tool: addresses and bytes, in the order of use.
 class Captured
@@ -126,7 +126,7 @@ public:
             {.createFlags = VK_ACCELERATION_STRUCTURE_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_KHR,
              .buffer = buffer_,
              .offset = offset,
-             .size = kRoom,
+             .size = kBytes,
              .type = type,
              .deviceAddress = earlier});
         return gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &info, nullptr, &structure);
@@ -205,11 +205,11 @@ TEST(CaptureReplayRun, DISABLED_Run)
     for (int i = 0; captured.replays() && i < 3; ++i)
         others.push_back(std::make_unique<Tlas>(gpu, std::vector{instance(otherBlas, {}, 9)}));
 
-    const Place place(gpu, captured, 4 * kRoom);
+    const Place place(gpu, captured, 4 * kBytes);
     const Patchwork first(gpu, 1), second(gpu, 2);
-    Replayed<Blas> blas(gpu, place, 0, captured), updated(gpu, place, kRoom, captured),
-        clone(gpu, place, 2 * kRoom, captured);
-    Replayed<Tlas> tlas(gpu, place, 3 * kRoom, captured);
+    Replayed<Blas> blas(gpu, place, 0, captured), updated(gpu, place, kBytes, captured),
+        clone(gpu, place, 2 * kBytes, captured);
+    Replayed<Tlas> tlas(gpu, place, 3 * kBytes, captured);
     blas.prepare(first.geometries());
     blas.build();
     updated.prepare(second.geometries(), VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR);
@@ -238,16 +238,16 @@ TEST(CaptureReplay, AnotherAddress)
 {
     Gpu gpu(Options{.validation = false, .quirks = kDriver});
     Captured none("/dev/null", false);
-    const Place place(gpu, none, 2 * kRoom);
+    const Place place(gpu, none, 2 * kBytes);
     VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
     constexpr auto kType = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
-    EXPECT_EQ(place.create(0, kType, gpu.address(place.buffer()) + kRoom, structure),
+    EXPECT_EQ(place.create(0, kType, gpu.address(place.buffer()) + kBytes, structure),
               VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS);
-    ASSERT_EQ(place.create(kRoom, kType, gpu.address(place.buffer()) + kRoom, structure), VK_SUCCESS);
+    ASSERT_EQ(place.create(kBytes, kType, gpu.address(place.buffer()) + kBytes, structure), VK_SUCCESS);
     gpu.vk().DestroyAccelerationStructureKHR(gpu.device(), structure, nullptr);
 }
 
-TEST(CaptureReplay, InAnotherProcess)
+TEST(CaptureReplay, AnotherProcess)
 {
     namespace fs = std::filesystem;
     const fs::path folder = fs::temp_directory_path() / ("vellum-capture-" + std::to_string(getpid()));

@@ -29,9 +29,9 @@ struct Footprint {
 
 // The address sanitizer keeps what is freed for a while.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-inline constexpr bool kResidentTells = false;
+inline constexpr bool kResidentIsMeaningful = false;
 #else
-inline constexpr bool kResidentTells = true;
+inline constexpr bool kResidentIsMeaningful = true;
 #endif
 
 } // namespace vt

@@ -82,7 +82,7 @@ protected:
     }
 };
 
-TEST_F(Index, WithoutIndexBuffer)
+TEST_F(Index, NoIndexBuffer)
 {
     const auto micromap = eightTriangles();
     Geometry geometry = rowOf(8);
@@ -90,7 +90,7 @@ TEST_F(Index, WithoutIndexBuffer)
     expectRows(Blas(gpu(), {geometry}), {{0, 0, {0, 1, 2, 3, 0, 1, 2, 3}}});
 }
 
-TEST_F(Index, WithoutIndexBufferBaseTriangle)
+TEST_F(Index, NoIndexBufferBaseTriangle)
 {
     const auto micromap = eightTriangles();
     Geometry geometry = rowOf(5);
@@ -324,7 +324,7 @@ TEST_F(Index, EmptyGeometryAndEmptyMicromap)
     expectRows(Blas(gpu(), {empty, full}), {{1, 2, {0, 1, 2, 3}}});
 }
 
-TEST_F(Index, BoxesBesideMicromaps)
+TEST_F(Index, BoxesAndMicromaps)
 {
     const auto micromap = eightTriangles();
     Geometry triangles = rowOf(8);

@@ -48,12 +48,12 @@ protected:
     void expectFinding(const std::string &rule)
     {
         gpu().submit([](VkCommandBuffer) {});
-        bool complained = false;
+        bool isReported = false;
         for (const Message &m : gpu().takeUnexpectedMessages()) {
             EXPECT_TRUE(m.fromVellum() && m.id.find(rule) != std::string::npos) << m.id << ": " << m.text;
-            complained = true;
+            isReported = true;
         }
-        EXPECT_TRUE(complained) << "no message of " << rule;
+        EXPECT_TRUE(isReported) << "no message of " << rule;
     }
 
     std::unique_ptr<Structure> made(VkAccelerationStructureTypeKHR type, VkDeviceSize size)
@@ -170,9 +170,9 @@ TEST_F(BadCopies, TargetsThatAreTooSmall)
     copyWith(source_->handle(), half->handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR);
     expectFinding("mode-12418");
     // In a buffer with enough memory: lavapipe 26 writes all of a compacted copy, whatever the size of the structure.
-    const Buffer room(gpu(), source_->size(), gpu().structureUsage());
+    const Buffer buffer(gpu(), source_->size(), gpu().structureUsage());
     const auto tiny = std::make_unique<Structure>(gpu(), kBottom);
-    tiny->placeIn(room.handle(), 0);
+    tiny->placeIn(buffer.handle(), 0);
     tiny->create(256);
     copyWith(source_->handle(), tiny->handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
     expectFinding("mode-12419");

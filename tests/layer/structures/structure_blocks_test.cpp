@@ -88,7 +88,7 @@ TEST_F(StructureBlocks, HeaderNamesTheMicromaps)
         EXPECT_EQ(blocks.address(i), expected[i]);
 }
 
-TEST_F(StructureBlocks, WithoutMicromapsThereAreNoBlocks)
+TEST_F(StructureBlocks, NoMicromapsNoBlocks)
 {
     const Blas plain(gpu(), {Geometry{.vertices = triangleRow(6)}});
     Serialized data = serialize(gpu(), plain);

@@ -18,27 +18,27 @@ constexpr uint8_t kUntouched = 0x5a;
 class StructureLocations : public Copies
 {
 protected:
-    static constexpr VkDeviceSize kRoomBytes = 1 << 20;
+    static constexpr VkDeviceSize kBytes = 1 << 20;
 
     StructureLocations()
-        : room_(gpu(), kRoomBytes, 256,
-                VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT)
+        : memory_(gpu(), kBytes, 256,
+                  VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT)
     {
-        std::memset(room_.bytes(), kUntouched, kRoomBytes);
+        std::memset(memory_.bytes(), kUntouched, kBytes);
     }
     std::unique_ptr<Structure> placed(VkDeviceSize offset, VkDeviceSize size,
                                       VkAccelerationStructureTypeKHR type = kGeneric)
     {
         auto structure = std::make_unique<Structure>(gpu(), type);
-        structure->placeIn(room_.buffer(), room_.offset() + offset);
+        structure->placeIn(memory_.buffer(), memory_.offset() + offset);
         structure->create(size);
         return structure;
     }
-    std::unique_ptr<Structure> toTheEnd(VkDeviceSize offset) { return placed(offset, kRoomBytes - offset); }
+    std::unique_ptr<Structure> toTheEnd(VkDeviceSize offset) { return placed(offset, kBytes - offset); }
     void expectUntouchedFrom(VkDeviceSize offset) const
     {
-        for (VkDeviceSize i = offset; i < kRoomBytes; ++i)
-            ASSERT_EQ(room_.bytes()[i], kUntouched) << "byte " << i << ", " << i - offset << " behind the structure";
+        for (VkDeviceSize i = offset; i < kBytes; ++i)
+            ASSERT_EQ(memory_.bytes()[i], kUntouched) << "byte " << i << ", " << i - offset << " behind the structure";
     }
     std::vector<std::string> seenIn(const Structure &scene)
     {
@@ -46,7 +46,7 @@ protected:
         return seen(gpu(), scene, rays);
     }
 
-    Guarded room_;
+    Guarded memory_;
 };
 
 // The size no longer identifies the kind of structure.
@@ -62,16 +62,16 @@ TEST_F(StructureLocations, DataOfEitherLevelIntoHandlesOfAnySize)
         const VkDeviceSize least = data.deserializedSize();
         for (const VkDeviceSize more : {0u, 16u, 64u, 128u, 192u, 65536u}) {
             SCOPED_TRACE(std::to_string(top) + " + " + std::to_string(more));
-            std::memset(room_.bytes(), kUntouched, kRoomBytes);
+            std::memset(memory_.bytes(), kUntouched, kBytes);
             const auto loaded = placed(256, least + more);
             deserialize(gpu(), data, *loaded);
             EXPECT_EQ(top ? seenIn(*loaded) : seenOf(gpu(), *loaded), expected);
             expectUntouchedFrom(256 + least);
             // Copies know by now what it is.
-            const auto clone = toTheEnd(kRoomBytes / 2);
+            const auto clone = toTheEnd(kBytes / 2);
             copy(gpu(), *loaded, *clone);
             EXPECT_EQ(top ? seenIn(*clone) : seenOf(gpu(), *clone), expected);
-            expectUntouchedFrom(kRoomBytes / 2 + least);
+            expectUntouchedFrom(kBytes / 2 + least);
         }
     }
 }
@@ -105,7 +105,7 @@ TEST_F(StructureLocations, SeveralHandlesForOneContent)
     first.reset();
     EXPECT_EQ(seenOf(gpu(), *second), expected);
     const auto third = toTheEnd(256);
-    const auto clone = toTheEnd(kRoomBytes / 2);
+    const auto clone = toTheEnd(kBytes / 2);
     copy(gpu(), *third, *clone);
     EXPECT_EQ(seenOf(gpu(), *clone), expected);
     EXPECT_EQ(queried(gpu(), *third, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR),
@@ -172,7 +172,7 @@ TEST_F(StructureLocations, TheSameDataTwice)
     for (int round = 0; round < 2; ++round) {
         SCOPED_TRACE(round);
         deserialize(gpu(), data, *loaded);
-        const auto clone = toTheEnd(kRoomBytes / 2);
+        const auto clone = toTheEnd(kBytes / 2);
         copy(gpu(), *loaded, *clone);
         EXPECT_EQ(seenIn(*clone), expected);
     }
@@ -192,7 +192,7 @@ TEST_F(StructureLocations, TopLevelDataWhereAnotherHandleBegins)
 }
 
 // Every count is another size, and another handle of the driver's.
-TEST_F(StructureLocations, ManySizesBesideANeighbour)
+TEST_F(StructureLocations, ManySizesNextToANeighbour)
 {
     constexpr size_t kCounts = 80;
     const Patchwork patchwork(gpu());

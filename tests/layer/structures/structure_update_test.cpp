@@ -166,7 +166,7 @@ TEST_F(Updates, IntoAnotherStructure)
     EXPECT_EQ(seenOf(gpu(), target), still);
 }
 
-TEST_F(Updates, OfAClone)
+TEST_F(Updates, Clone)
 {
     const Patchwork patchwork(gpu()), other(gpu(), 2);
     const Blas source(gpu(), patchwork.geometries(), kMicromapUpdate);
@@ -179,7 +179,7 @@ TEST_F(Updates, OfAClone)
 }
 
 // "or the deserialized micromap ... if the original acceleration structure was deserialized prior"
-TEST_F(Updates, OfADeserializedStructure)
+TEST_F(Updates, DeserializedStructure)
 {
     const Patchwork patchwork(gpu()), other(gpu(), 2);
     Serialized data;

@@ -81,7 +81,8 @@ private:
     GpuBuffer references_;
     std::mutex mutex_; // guards what is below, and the host's writes to the buffers
     std::vector<uint32_t> free_;
-    // Records that were in use at any time. Record 0 is nobody's, and kDestroyed that of destroyed structures.
+    // Records that were in use at any time. Record 0 belongs to no structure, and kDestroyed is that of destroyed
+    // structures.
     uint32_t used_ = kDestroyed + 1;
     std::deque<VkDeviceAddress> destroyed_;           // references of destroyed structures
     uint32_t buckets_ = 0;                            // in use
