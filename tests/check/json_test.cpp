@@ -80,7 +80,7 @@ TEST(CaseJson, RandomCasesComeBack)
         ASSERT_EQ(invalid(c), "") << seed;
         const Case back = caseFromJson(toJson(c));
         ASSERT_EQ(toJson(back), toJson(c)) << seed;
-        // Some fields by themselves: the text could lack them.
+        // Some members are compared directly, in case the text lacks them.
         ASSERT_EQ(back.seed, c.seed);
         ASSERT_EQ(back.steps.size(), c.steps.size());
         ASSERT_EQ(back.build.threads, c.build.threads);

@@ -174,7 +174,7 @@ TEST(BenchReport, ReplacesReportsOfAllVersions)
     EXPECT_FALSE(replaces(R"({"schema":"vellum/1)"));
 }
 
-// This program is also the part that runPartProcess starts: a fake one, whose device is how it behaves.
+// runPartProcess starts this program as the part; its device name selects its behaviour.
 int main(int count, char **words)
 {
     const std::vector<std::string_view> arguments(words, words + count);

@@ -29,7 +29,7 @@ DeviceInfo device(const char *name, VkPhysicalDeviceType type, bool rayQuery = t
     return info;
 }
 
-// Its number, or the error.
+// The chosen device's number, or the error.
 std::string chosen(const std::vector<DeviceInfo> &list, const std::optional<std::string> &wish)
 {
     try {

@@ -43,16 +43,16 @@ Outcome runVellumWithoutThreads(const std::vector<std::string> &arguments);
 Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, const std::filesystem::path &begun,
                         const std::vector<std::pair<std::string, std::string>> &environment = {});
 
-// It may have so many files open at a time.
+// Runs it with this limit on open files.
 Outcome runVellumWithOpenFiles(const std::vector<std::string> &arguments, unsigned long count);
 
 // Runs it with a limit on the size of each file that it writes.
 Outcome runVellumWithFileLimit(const std::vector<std::string> &arguments, unsigned long bytes);
 
-// Its stdout takes nothing: /dev/full.
+// Runs it with a stdout that cannot be written: /dev/full.
 Outcome runVellumToFullDevice(const std::vector<std::string> &arguments);
 
-// Its stdout is a terminal.
+// Runs it with a terminal as stdout.
 Outcome runVellumInTerminal(const std::vector<std::string> &arguments);
 #endif
 

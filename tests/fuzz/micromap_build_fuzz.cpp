@@ -87,7 +87,7 @@ void buildMemory(Reader &input)
     const bool ahead = input.oneIn(4);
     const uint32_t capacityMode = input.below(4);
     const uint32_t capacity = input.take<uint16_t>();
-    // Up to level 12 of four states; seldom, since it takes long.
+    // Up to level 12 with 4 states; seldom, since it takes long.
     std::vector<uint8_t> data(input.oneIn(128) ? (4u << 20) + input.byte() : input.below(1u << 13));
 
     for (SourceTriangle &t : model.triangles) {

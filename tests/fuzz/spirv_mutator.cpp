@@ -147,7 +147,7 @@ public:
         return assemble();
     }
 
-    // Some instructions of another module are put in, with result ids of their own.
+    // Inserts some instructions of another module, with result ids of their own.
     Words splice(const Mutation &other)
     {
         const size_t begin = below(other.code_.size());

@@ -106,7 +106,7 @@ Split splitCard(const Replacements &replacements = {})
 
 } // namespace
 
-// Every inserted text is taken away again: what remains is the input.
+// Removes every inserted text again: the rest is the input.
 TEST(DocumentWriter, EverythingElseIsByteForByteTheSame)
 {
     const Replacements oddities = {

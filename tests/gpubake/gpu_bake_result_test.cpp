@@ -19,7 +19,7 @@ protected:
     {
         test::TestRandom random(12);
         texture_ = test::smoothTexture(random, 61, 47);
-        // Some are tiny, and so often one state all over.
+        // Some triangles are tiny, and often of one state all over.
         for (int i = 0; i < 250; ++i)
             for (const TriangleUvs &uvs : test::randomTriangles(random, 61, 47))
                 triangles_.push_back(uvs);

@@ -187,8 +187,8 @@ TEST(PipelineStages, AreValidInEveryVersionWithFlagsInPayloads)
     }
 }
 
-// Each ray has its flags in the payload before it is traced; a shader reads those of its own ray before the payload is
-// handed on.
+// Each ray's flags are stored in the payload before it is traced; a shader reads those of its own ray before it passes
+// the payload on.
 TEST(PipelineStages, FlagsTravelInPayloads)
 {
     const std::string traced = rewriteHiding(kTrace, kInPayload);

@@ -59,7 +59,7 @@ uint16_t formatOf(uint32_t micromap, uint32_t triangle)
 uint8_t stateOf(uint32_t micromap, uint32_t version, uint32_t triangle, uint32_t index)
 {
     const uint32_t seed = mix(micromap, triangle, version + 3);
-    // Some triangles are of one state, some in stretches, some quite mixed.
+    // Some triangles have one state, some few runs of states, some mixed ones.
     const uint32_t place = seed % 4 == 0 ? 0 : seed % 4 == 1 ? index / 16 : index;
     return static_cast<uint8_t>(mix(seed, place) % (formatOf(micromap, triangle) == kTwoState ? 2 : 4));
 }

@@ -110,7 +110,7 @@ TEST(BakeExact, TakesNoMinutesAlongASide)
     }
 }
 
-// Any textures and coordinates, in long double: what is within its rounding of the cutoff may be either.
+// Any textures and coordinates, in long double: values within its rounding of the cutoff may have either state.
 TEST(BakeExact, EqualsTheMathematicsAnywhere)
 {
     test::TestRandom random(2);

@@ -45,7 +45,7 @@ protected:
         std::filesystem::create_directories(file.parent_path());
         std::ofstream(file) << "# a comment\n" << line << "\n";
     }
-    // Until the test ends.
+    // Set until the test ends.
     void set(const std::string &name, const char *value)
     {
         const char *now = getenv(name.c_str());

@@ -99,7 +99,7 @@ protected:
         std::vector<std::string> ids;
         for (const Message &m : gpu().takeMessages()) {
             texts += m.id + ": " + m.text + "\n";
-            // These warn of what is wrong only if rays meet micromaps.
+            // The -without-micromaps messages are warnings: the fault matters only if rays hit micromaps.
             if (m.fromVellum() && !m.id.ends_with("-without-micromaps"))
                 ids.push_back(m.id);
         }

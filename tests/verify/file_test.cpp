@@ -49,7 +49,7 @@ FileReport verifyBaked(const std::vector<float> &alphas)
     return verify::verifyDocument(Document(folder / "baked.glb"), {});
 }
 
-// All of the card in one state.
+// A card of one state.
 CardFile cardOf(State state)
 {
     CardFile card = bakedCard();

@@ -38,7 +38,7 @@ inline void setState(Micromap &micromap, uint32_t triangle, uint32_t micro, Stat
     writeState(micromap.data.data() + t.dataOffset, micro, t.format, state);
 }
 
-// Each triangle gets data of its own, special indices too.
+// Each triangle gets its own data, special indices as well.
 inline Micromap unshared(const Micromap &baked, uint32_t level)
 {
     Micromap micromap = emptyMicromap(baked.indices.size(), level, Format::FourState);

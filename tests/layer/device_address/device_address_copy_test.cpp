@@ -100,7 +100,7 @@ TEST_F(AddressCopies, AliasesWithDifferentUsage)
             copy(commands, copyRegion({address, 64}, rangeOf(to, 0, 64)));
         });
         EXPECT_EQ(bytesOf(to), bytesOf(from));
-        // When it is gone, the other one takes its place, unless the layer is strict (AddressCopiesHarmless).
+        // When that buffer is destroyed, the other one replaces it, unless the layer is strict (AddressCopiesHarmless).
         aliases.destroy(queried);
         const auto back = copyRegion(rangeOf(from, 0, 64), {address, 64});
         const auto out = copyRegion({address, 64}, rangeOf(to, 0, 64));

@@ -73,7 +73,7 @@ void updateKeepsFlags(std::span<Instance> instances, const Flags *first)
         instances[i].flags = (*first)[i] & 0xff;
 }
 
-// Between -1 and 1, the same for the same instance of a structure.
+// A value between -1 and 1, the same for the same instance of a structure.
 float noise(size_t i)
 {
     return static_cast<float>(i * 0x9e3779b9u % 2001) / 1000.0f - 1;

@@ -79,7 +79,7 @@ public:
     // Reports those that no test expects: what is left alive is reported by layers when its device goes.
     ~Messages();
 
-    // All since the last call.
+    // All messages since the last call.
     std::vector<Message> takeMessages();
     // Messages that no test expects: those not on the short list of false alarms in harness.cpp. If Vellum reports an
     // error, the test caused it, and messages of a validation layer above are about the same.

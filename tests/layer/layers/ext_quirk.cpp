@@ -113,7 +113,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
         features.pNext = const_cast<void *>(info->pNext);
         below.pNext = &features;
     }
-    // This driver has micromaps on several physical devices as well; the copy that plays it has not.
+    // The driver supports micromaps on several physical devices as well; the copy that simulates it does not.
     auto *group =
         inChainOut<VkDeviceGroupDeviceCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_DEVICE_GROUP_DEVICE_CREATE_INFO);
     const uint32_t count = group != nullptr ? std::exchange(group->physicalDeviceCount, 1) : 0;

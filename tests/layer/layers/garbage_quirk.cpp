@@ -56,7 +56,7 @@ bool takesMore(void *key)
 void claim(VkAccelerationStructureBuildSizesInfoKHR &needed)
 {
     needed.buildScratchSize = needed.buildScratchSize * 2 + 1000;
-    // More than a build: nothing says which is the larger one.
+    // More than a build needs: it is unknown which is larger.
     needed.updateScratchSize = needed.buildScratchSize + 3000;
 }
 
@@ -134,7 +134,7 @@ VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructur
         claim(*needed);
 }
 
-// Over all of the scratch memory of a build, before it begins.
+// Fills all of the scratch memory of a build before it begins.
 void writeGarbage(VkCommandBuffer handle, const VkAccelerationStructureBuildGeometryInfoKHR &info,
                   const std::vector<uint32_t> &counts)
 {

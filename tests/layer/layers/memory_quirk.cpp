@@ -227,7 +227,7 @@ VKAPI_ATTR VkResult VKAPI_CALL mapMemory2(VkDevice handle, const MapInfo *info, 
     return mapMemory(handle, info->memory, info->offset, info->size, info->flags, data);
 }
 
-// Between the host's view of memory that is not coherent, and the device's.
+// Copies between the host's view of memory that is not coherent, and the device's.
 VkResult move(VkDevice handle, const char *command, uint32_t count, const VkMappedMemoryRange *ranges, bool toDevice)
 {
     const VkDeviceSize atom = has(keyOf(handle), "alignments") ? 256 : 64; // limits_quirk.cpp, or lavapipe's own

@@ -164,7 +164,7 @@ VkAccelerationStructureKHR ofExactSize(VkCommandBuffer handle, VkAccelerationStr
     return known->second;
 }
 
-// Between what lavapipe needs and what was claimed.
+// A size between lavapipe's and the claimed one.
 void writeGarbage(VkCommandBuffer handle, VkAccelerationStructureKHR structure, const Content &content)
 {
     const Handle own = handleOf(structure);

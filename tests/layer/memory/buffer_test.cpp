@@ -93,7 +93,7 @@ TEST_F(Buffers, AllocationFlagsBehindAnUnknownStructureAreReported)
     }
 }
 
-// Their usage, too, may be in the chain.
+// The usage may be in the chain as well.
 TEST_F(Buffers, ExternalMemory)
 {
     const auto usage2 = vkInit<VkBufferUsageFlags2CreateInfoKHR>({.usage = kMicromapUsage});

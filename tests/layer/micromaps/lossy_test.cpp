@@ -140,7 +140,7 @@ TEST_F(Lossy, EveryLevel)
     expectModel(input);
 }
 
-// All that a triangle's level can become.
+// All levels that a triangle may have afterwards.
 TEST_F(Lossy, EveryLevelToEveryLower)
 {
     Random random(29);

@@ -144,7 +144,7 @@ TEST_F(MicromapStructureRejected, GeometriesAndUsageCounts)
         b.info.flags |= lossy;
         b.usages[0].subdivisionLevel = 13;
     });
-    // More than the limit says; but not more than can be built.
+    // More than the limit, but not more than can be built.
     const Micromap target(gpu(), micromap_, micromap_.size());
     StructureBuild large(micromap_.buildInfo(), target.handle().khr);
     large.usages[0].count = (1u << 27) + 1;

@@ -245,7 +245,7 @@ TEST_F(MicromapStructureMaintenance, QueriesOfEveryKind)
         gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 1, &micromap, pointers, pool, 0);
     });
     expectRejected("VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425");
-    // It has none.
+    // It has no micromap.
     uint64_t value = 7;
     EXPECT_EQ(vkGetQueryPoolResults(gpu().device(), pool, 0, 1, 8, &value, 8, VK_QUERY_RESULT_64_BIT),
               strictTests() ? VK_NOT_READY : VK_SUCCESS);
@@ -389,7 +389,7 @@ TEST_F(MicromapStructureDisabled, ReportsMicromaps)
     const Placed generic(gpu(), kGeneric, memory.address(), 4096);
     build(StructureBuild(info, generic.handle()).info);
     expectRejected(kSizes);
-    // All else works.
+    // Everything else works.
     const Blas blas(gpu(), {mapped(nullptr)});
     EXPECT_EQ(tracedBottom(blas.address()), kPlain);
 }

@@ -221,7 +221,7 @@ TEST_F(Validate, IndexBufferTooShort)
     geometry.micromap = Attachment{&micromap, VK_INDEX_TYPE_UINT16, std::vector<int32_t>(indices, 5)};
     const Blas blas(gpu(), {geometry});
     const std::vector<std::string> reported = messages();
-    // Between the indices and the end of the buffer there may be others that are wrong.
+    // Indices between these and the end of the buffer may be wrong.
     EXPECT_EQ(count(reported, gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11577"
                                           : ": its index is outside the buffer of indexBuffer, like those after it"),
               1u);

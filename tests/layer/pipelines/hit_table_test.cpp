@@ -537,7 +537,7 @@ protected:
     HitTablesOfManyCommandBuffers() : HitTables({.validation = false, .quirks = "discrete", .maintenance = true}) {}
 };
 
-// Each pool's command buffers need 3 GiB, which go back when they are reset, with or without their other resources.
+// Each pool's command buffers need 3 GiB, which a reset releases, with or without their other resources.
 TEST_F(HitTablesOfManyCommandBuffers, GoBack)
 {
     if (!gpu().vk().CmdTraceRaysIndirect2KHR)
@@ -686,7 +686,7 @@ protected:
     }
 };
 
-// More records than the table has spare ones for at any time.
+// More records than the table ever has in reserve.
 TEST_F(HitTablesOfGeometries, Many)
 {
     expectHits(700, 0, {.sbtOffset = 15, .sbtStride = 15}, false);

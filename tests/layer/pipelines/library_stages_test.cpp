@@ -221,7 +221,7 @@ protected:
         }
         for (Part &part : plan)
             std::shuffle(part.stages.begin(), part.stages.end(), random);
-        // Each group in a random one of the parts that have all its stages.
+        // Puts each group into a random part that has all its stages.
         const std::vector<std::vector<uint32_t>> stagesOfGroups{
             {kRaygen},
             {kMiss},

@@ -230,7 +230,7 @@ TEST_F(ModuleIdentifiers, CodeThatCannotBeRewritten)
     const std::vector<Message> messages = gpu().takeUnexpectedMessages();
     ASSERT_EQ(messages.size(), 1u);
     EXPECT_EQ(messages[0].id, "VELLUM-shader-rewrite");
-    // It is what a device without micromaps has of it, where the driver gets the code as it is.
+    // The identifier is that of a device without micromaps, on which the driver gets the code unchanged.
     Options options = cachingDriver();
     options.micromaps = false;
     const Gpu plain(options);
@@ -401,7 +401,7 @@ TEST_F(PipelineIdentifiers, WithoutTheBit)
         plain.expect(tracer, flags);
 }
 
-// Its shaders depend on the groups that they are in, and cannot be made without their code.
+// Its shaders depend on their groups, and cannot be created without their code.
 TEST_F(PipelineIdentifiers, WithTheBit)
 {
     const PipelineTracer tracer(gpu(), {.make = [](Device &g, const PipelineSetup &from) {

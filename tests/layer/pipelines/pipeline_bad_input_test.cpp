@@ -40,7 +40,7 @@ protected:
                                           return MadePipeline{RayPipeline(g, from), {}};
                                       }});
         takeAll();
-        // Still working.
+        // The device still works.
         const PipelineScene scene(gpu(), {.micromaps = allowed() != 0});
         for (const uint32_t flags : {0u, kRayOpaque})
             scene.expect(tracer, flags);
@@ -116,7 +116,7 @@ TEST_F(PipelineBadInput, LibraryWithoutTheBit)
         setup.groups.resize(1);
         setup.libraries = {libraries.back().handle()};
     });
-    // It is one without micromaps then.
+    // The pipeline is then without micromaps.
     EXPECT_EQ(made_, !strictTests());
     expectFinding("VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598");
 }

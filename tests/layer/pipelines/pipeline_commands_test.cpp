@@ -128,7 +128,7 @@ TEST_F(PipelineCommandsMaintenance, Indirect2ChangesBetweenSubmissions)
     vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &commands);
 }
 
-// More records than one would think of.
+// More records than the scene uses.
 TEST_F(PipelineCommandsMaintenance, Indirect2WithManyRecords)
 {
     if (gpu().vk().CmdTraceRaysIndirect2KHR == nullptr)

@@ -55,7 +55,7 @@ void noteFlags(const char *member, T v)
 {
     note(member, static_cast<int64_t>(v));
 }
-// Up to 8 as it is, then the power of two below it.
+// Counts up to 8 are exact, larger ones become the power of two below.
 template <class T>
 void noteNumber(const char *member, T v)
 {

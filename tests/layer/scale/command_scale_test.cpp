@@ -69,7 +69,7 @@ TEST_F(CommandScale, TracesInThousandsOfCommandBuffers)
         EXPECT_LT(allocations() - before, 16u);
     }
     RecordProperty("allocations", static_cast<int>(allocations() - before));
-    // Any of them, in any order.
+    // Any of the command buffers can be submitted, in any order.
     std::vector<std::string> expected;
     for (const size_t i : {buffers.size() - 1, size_t{0}, buffers.size() / 2}) {
         tracer.clearResults();
@@ -193,7 +193,7 @@ TEST_F(CommandScale, ThousandsOfQueryPools)
     EXPECT_EQ(allocations() - before, kept);
 }
 
-// More than are looked up without a lock (entry/device.cpp), made and destroyed in turns.
+// More devices than are looked up without a lock (entry/device.cpp), created and destroyed in turns.
 TEST(DeviceScale, TwentyDevicesAtATime)
 {
     std::vector<std::unique_ptr<Gpu>> gpus(20);

@@ -269,7 +269,7 @@ TEST_F(BottomCopies, SerializedPlainStructures)
 {
     const Blas source(gpu(), plain());
     const Serialized data = serialize(gpu(), source);
-    // Over a structure with micromaps, which must be gone then.
+    // Over a structure with micromaps, which must not be used afterwards.
     const Patchwork patchwork(gpu());
     Blas target(gpu(), patchwork.geometries());
     ASSERT_GE(target.size(), data.deserializedSize());

@@ -19,7 +19,7 @@ class Index : public GpuTest
 protected:
     Index() : GpuTest({.shared = true}) {}
 
-    // Each triangle of a row (see triangleRow), in the order of its geometry, is one state all over.
+    // Each triangle of a row (see triangleRow), in the order of its geometry, has one state all over.
     struct Row {
         uint32_t geometry;
         float y;

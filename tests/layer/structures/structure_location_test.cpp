@@ -191,7 +191,7 @@ TEST_F(StructureLocations, TopLevelDataWhereAnotherHandleBegins)
     EXPECT_EQ(seenIn(*loaded), seenIn(tlas));
 }
 
-// Every count is another size, and another handle of the driver's.
+// Every count has another size, and another handle of the driver.
 TEST_F(StructureLocations, ManySizesNextToANeighbour)
 {
     constexpr size_t kCounts = 80;
@@ -204,7 +204,7 @@ TEST_F(StructureLocations, ManySizesNextToANeighbour)
         SCOPED_TRACE(count);
         Tlas tlas(gpu());
         tlas.prepare(std::vector<VkAccelerationStructureInstanceKHR>(count, instance(blas, {}, 77)));
-        // Behind it, as near as it may be.
+        // As close behind it as possible.
         const auto neighbour = toTheEnd((256 + tlas.size() + 255) / 256 * 256);
         copy(gpu(), source, *neighbour);
         VkAccelerationStructureBuildGeometryInfoKHR info = tlas.buildInfo();

@@ -64,7 +64,7 @@ protected:
 
     static std::vector<Geometry> moved(std::vector<Geometry> geometries)
     {
-        // Each row to where another one was.
+        // Moves each row to the position of another one.
         for (size_t g = 0; g < geometries.size(); ++g) {
             for (Vec3 &vertex : geometries[g].vertices)
                 vertex[1] += g % 2 == 0 ? 2.0f : -2.0f;
@@ -101,7 +101,7 @@ TEST_F(Updates, OtherMicromaps)
     EXPECT_EQ(seenOf(gpu(), blas), fresh(changed));
 }
 
-// Every geometry that has micromaps gets special indices only, and back.
+// Every geometry with micromaps gets special indices only, then its own ones again.
 TEST_F(Updates, SpecialIndicesAndBack)
 {
     const Patchwork patchwork(gpu());

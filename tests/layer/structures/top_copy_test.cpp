@@ -159,7 +159,7 @@ TEST_F(TopCopies, OneRecordedBuildExecutedAgainKeepsCopies)
 
 TEST_F(TopCopies, ManyInstances)
 {
-    // More than one page of instance records; every one is looked at.
+    // More than one page of instance records, all of which are checked.
     std::vector<VkAccelerationStructureInstanceKHR> many;
     std::vector<Ray> rays;
     for (uint32_t i = 0; i < 5003; ++i) {
