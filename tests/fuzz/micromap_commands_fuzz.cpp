@@ -71,7 +71,7 @@ private:
     FakeDevice &device_;
     Reader &input_;
     std::vector<VkMicromapEXT> micromaps_;
-    std::map<VkMicromapEXT, size_t> room_; // bytes
+    std::map<VkMicromapEXT, size_t> sizes_; // bytes
     std::optional<vellum::gpu::Pieces> packed_;
     VkBuffer packedBuffer_ = VK_NULL_HANDLE;
     std::vector<VkMicromapUsageEXT> usages_;
@@ -175,14 +175,14 @@ VkMicromapEXT Commands::make(uint64_t size)
     VkMicromapEXT micromap = VK_NULL_HANDLE;
     FUZZ_CHECK(layer::createMicromap(device_.micromaps(), device_.handle(), &create, nullptr, &micromap) == VK_SUCCESS);
     micromaps_.push_back(micromap);
-    room_[micromap] = size;
+    sizes_[micromap] = size;
     return micromap;
 }
 
 std::span<uint8_t> Commands::bytesOf(VkMicromapEXT micromap) const
 {
     const layer::Micromap &m = *layer::micromapOf(micromap);
-    return std::span(FakeDevice::bytes(m.buffer)).subspan(m.offset, room_.at(micromap));
+    return std::span(FakeDevice::bytes(m.buffer)).subspan(m.offset, sizes_.at(micromap));
 }
 
 VkResult Commands::writingTo(VkMicromapEXT target, const std::function<VkResult()> &command)

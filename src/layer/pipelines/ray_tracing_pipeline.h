@@ -37,7 +37,7 @@ struct LibraryStage {
 // A pipeline that uses micromaps.
 struct RayTracingPipeline {
     uint32_t ownGroups = 0; // groups of the create info; those of libraries follow
-    // The index of the layer's hit group, which replaces null handles, is ownGroups in the driver's pipeline.
+    // True if the driver's pipeline has the layer's hit group, which replaces null handles, after ownGroups.
     bool hasNullGroup = false;
     PooledMemory standIn;         // hit record with that group's handle
     bool hasBoxes = false;        // has procedural hit groups, including those of libraries

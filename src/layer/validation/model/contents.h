@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The contents of acceleration structures and micromaps: facts that the host knows of the build or copy, and facts that
-// follow from data on the GPU, which shaders next to a build write to memory of the host.
+// follow from data on the GPU, which shaders recorded with the build write to host memory.
 #pragma once
 
 #include <algorithm>
