@@ -413,7 +413,7 @@ int checkCommand(const CheckOptions &options)
         throw UsageError("no case is selected; vellum check --list prints them");
     DeviceSummary device;
     try {
-        device = askForDevice({.device = options.device, .layer = options.layer}, options.timeout);
+        device = findDevice({.device = options.device, .layer = options.layer}, options.timeout);
         removeMissing(options, device, selection);
     } catch (const UsageError &) {
         throw;

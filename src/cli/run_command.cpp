@@ -271,7 +271,7 @@ std::function<int()> declareRunCommand(CLI::App &app, const std::vector<std::str
                                                       "driver only, its EXT extension, or the layer [auto]");
     takesWords(implementation, {"auto", "driver", "ext", "emulated"});
     command.add_flag("--assume-micromaps", options->assumeMicromaps,
-                     "Use micromaps in pipelines and ray queries that do not ask for them");
+                     "Use micromaps in pipelines and ray queries that do not enable them");
     command
         .add_option("--layer-path", options->layerFolder,
                     "Folder of the layer's manifest, instead of the one installed with this program")

@@ -67,14 +67,14 @@ DeviceInfo describe(VkPhysicalDevice device)
     auto extMicromap = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>();
     auto pipelines = vkInit<VkPhysicalDeviceRayTracingPipelineFeaturesKHR>();
     auto rayQuery = vkInit<VkPhysicalDeviceRayQueryFeaturesKHR>();
-    const auto ask = [&](auto &feature, const char *extension) {
+    const auto add = [&](auto &feature, const char *extension) {
         if (extensions.contains(extension))
             feature.pNext = std::exchange(rayQuery.pNext, &feature);
     };
-    ask(addressCommands, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
-    ask(khrMicromap, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
-    ask(extMicromap, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
-    ask(pipelines, VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME);
+    add(addressCommands, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
+    add(khrMicromap, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
+    add(extMicromap, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+    add(pipelines, VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME);
     auto features = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &rayQuery});
     vkGetPhysicalDeviceFeatures2(device, &features);
     info.rayQuery = rayQuery.rayQuery == VK_TRUE;

@@ -98,7 +98,7 @@ std::vector<VkPhysicalDeviceToolProperties> toolsOf(VkPhysicalDevice device)
 
 } // namespace
 
-std::vector<KnownFault> knownFaults(VkPhysicalDevice device, bool asksTools)
+std::vector<KnownFault> knownFaults(VkPhysicalDevice device, bool includesTools)
 {
     auto driver = vkInit<VkPhysicalDeviceDriverProperties>();
     auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &driver});
@@ -108,7 +108,7 @@ std::vector<KnownFault> knownFaults(VkPhysicalDevice device, bool asksTools)
     for (const OfDriver &row : kOfDrivers)
         if (row.driver == driver.driverID && version >= row.first && version < row.end)
             faults.push_back(row.known);
-    if (!asksTools || properties.properties.apiVersion < VK_API_VERSION_1_3)
+    if (!includesTools || properties.properties.apiVersion < VK_API_VERSION_1_3)
         return faults;
     for (const VkPhysicalDeviceToolProperties &tool : toolsOf(device))
         for (const OfLayer &row : kOfLayer)

@@ -31,7 +31,8 @@ struct KnownFault {
     std::string_view response; // what is avoided or not checked
 };
 
-// The known faults of a device. asksTools: also those of Vellum's layer, which is a tool of the device (Vulkan 1.3).
-std::vector<KnownFault> knownFaults(VkPhysicalDevice device, bool asksTools);
+// The known faults of a device. includesTools: also those of Vellum's layer, which is a tool of the device
+// (Vulkan 1.3).
+std::vector<KnownFault> knownFaults(VkPhysicalDevice device, bool includesTools);
 
 } // namespace vellum::gpu

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tracer's twin: traces rays with a ray tracing pipeline (shaders/pipeline_tracer.glsl) and gives back what its shaders
+// Tracer's twin: traces rays with a ray tracing pipeline (shaders/pipeline_tracer.glsl) and returns what its shaders
 // saw.
 #pragma once
 

@@ -190,7 +190,7 @@ class Run:
 
 
 def list_cases(program, chosen):
-    """All cases that the filter takes, in order, but for disabled ones."""
+    """All cases that the filter takes, in order, except disabled ones."""
     command = program + ["--gtest_list_tests"] + ([f"--gtest_filter={chosen}"] if chosen else [])
     listing = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True).stdout
     cases, suite = [], None

@@ -70,7 +70,7 @@ TEST(PipelineStages, TheLookupRunsBeforeAnyHitShadersOfTriangles)
     EXPECT_EQ(count(text, "OpEntryPoint AnyHitNV %vellumEntry \"main\"") +
                   count(text, "OpEntryPoint AnyHitKHR %vellumEntry \"main\""),
               1u);
-    EXPECT_EQ(count(text, "OpIgnoreIntersectionKHR"), 2u); // the application's, and ours
+    EXPECT_EQ(count(text, "OpIgnoreIntersectionKHR"), 2u); // the application's, and the layer's
     // The application's variables are used, none is there twice.
     for (const char *builtIn : {"InstanceCustomIndex", "IncomingRayFlags", "PrimitiveId", "RayGeometryIndex"})
         EXPECT_EQ(count(text, std::string("BuiltIn ") + builtIn), 1u) << builtIn;
@@ -426,7 +426,7 @@ TEST(PipelineStages, UseTheirOwnHitAttributes)
     const auto result = spirv::rewrite(words, optionsOf(kTriangles));
     ASSERT_EQ(result.status, Status::Rewritten) << result.error;
     const std::string text = disassemble(result.words);
-    EXPECT_EQ(count(text, "OpLoad %v2float"), 2u) << text; // the application's and ours, of the same variable
+    EXPECT_EQ(count(text, "OpLoad %v2float"), 2u) << text; // the application's and the layer's, of the same variable
 }
 
 // Types of hit attributes that would take for ever to walk through.

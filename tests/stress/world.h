@@ -77,7 +77,7 @@ private:
     void reloadMicromap(uint32_t micromap);
     VkDeviceSize queriedSize(uint32_t micromap, VkQueryType type);
     VkDeviceSize queriedSize(VkAccelerationStructureKHR blas, VkQueryType type);
-    // Puts a new one of that size into a new place, and gives back the old one.
+    // Creates one of that size in new memory, and returns the old one.
     Map replaceMicromap(uint32_t micromap, VkDeviceSize bytes);
     Bottom replaceBlas(uint32_t blas, VkDeviceSize bytes);
     void destroy(Map micromap);

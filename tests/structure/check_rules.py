@@ -236,7 +236,7 @@ def table_of_unchecked(rows, names, everywhere):
 
 
 def table_of_messages(rows, items):
-    """Rules that are checked, but for those that have an item."""
+    """Rules that are checked, except those that have an item."""
     listed = {name for _, listed, _, _ in items for name in listed}
     lines = ["| id | part | what is checked | without validation |", "|---|---|---|---|"]
     for row in rows:

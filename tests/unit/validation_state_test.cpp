@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Validation's state of the application's objects, above an implementation that does nothing: what it keeps after
-// failures, what it gives back, and what commands cost.
+// failures, what it releases, and what commands cost.
 #include <atomic>
 #include <chrono>
 #include <future>

@@ -497,14 +497,14 @@ VkDeviceSize BuiltCase::sizeOf(const Structure &structure, VkQueryType type)
             all.push_back(bottom.structure->handle());
     }
     all.push_back(structure.handle());
-    const auto ask = [&](std::span<const VkAccelerationStructureKHR> of) {
+    const auto querySize = [&](std::span<const VkAccelerationStructureKHR> of) {
         return query(type, static_cast<uint32_t>(of.size()), [&](VkCommandBuffer commands, VkQueryPool pool) {
             gpu_.vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, static_cast<uint32_t>(of.size()), of.data(),
                                                                   type, pool, 0);
         });
     };
-    const VkDeviceSize one = ask(std::span(&all.back(), 1));
-    if (ask(all) != one)
+    const VkDeviceSize one = querySize(std::span(&all.back(), 1));
+    if (querySize(all) != one)
         gpu_.fault("a query of several sizes of acceleration structures differs from a query of one");
     return one;
 }
@@ -519,7 +519,7 @@ VkDeviceSize BuiltCase::sizeOf(const Micromap &micromap, VkQueryType of, const S
             all.push_back(micromaps_[i]->handle());
     }
     all.push_back(micromap.handle());
-    const auto ask = [&](std::span<const MicromapHandle> some) -> VkDeviceSize {
+    const auto querySize = [&](std::span<const MicromapHandle> some) -> VkDeviceSize {
         if (step.host) {
             std::vector<VkMicromapEXT> handles;
             for (const MicromapHandle &handle : some)
@@ -531,8 +531,8 @@ VkDeviceSize BuiltCase::sizeOf(const Micromap &micromap, VkQueryType of, const S
             recordMicromapProperties(gpu_, commands, some, type, pool, 0);
         });
     };
-    const VkDeviceSize one = ask(std::span(&all.back(), 1));
-    if (ask(all) != one)
+    const VkDeviceSize one = querySize(std::span(&all.back(), 1));
+    if (querySize(all) != one)
         gpu_.fault("a query of several sizes of micromaps differs from a query of one");
     return one;
 }

@@ -190,12 +190,12 @@ private:
     {
         return data == (by_.table.content == RecordData::None ? kUnknownResult : by_.data + first + record);
     }
-    [[nodiscard]] bool asks(const Hit &hit) const
+    [[nodiscard]] bool isCandidate(const Hit &hit) const
     {
         const TracerGroup *group = groupOf(hit);
         return hit.opacity == Opacity::NonOpaque && group != nullptr && group->anyHit;
     }
-    [[nodiscard]] bool accepts(const Hit &hit) const { return !asks(hit) || confirms(ray_, hit); }
+    [[nodiscard]] bool accepts(const Hit &hit) const { return !isCandidate(hit) || confirms(ray_, hit); }
     [[nodiscard]] bool hasClosestHit(const Hit &hit) const
     {
         const TracerGroup *group = groupOf(hit);
@@ -269,7 +269,7 @@ private:
             const Candidate &c = result_.candidates[i];
             const CandidateNote &note = result_.notes[i];
             const Hit *hit = find(c, c.box());
-            if (hit == nullptr || !asks(*hit)) {
+            if (hit == nullptr || !isCandidate(*hit)) {
                 const bool byOpacity = !c.box() && (hit == nullptr || hit->opacity == Opacity::Opaque);
                 return byOpacity ? opacityFault(scene_, ray_, c, "a candidate to an any-hit shader")
                                  : describe("an any-hit shader ran that should not", c);
@@ -373,9 +373,9 @@ private:
                 continue;
             if (h.box && groupOf(h) && !seen(result_.visits, h))
                 return describe("a box is missing", h);
-            if (!h.box && asks(h) && !seen(result_.candidates, h))
+            if (!h.box && isCandidate(h) && !seen(result_.candidates, h))
                 return opacityFault(scene_, ray_, h, "none");
-            if (h.box && asks(h) && ray_.generate > 0 && double{ray_.generate} < limit_ - 1e-3 &&
+            if (h.box && isCandidate(h) && ray_.generate > 0 && double{ray_.generate} < limit_ - 1e-3 &&
                 !seen(result_.candidates, h))
                 return describe("a reported hit is missing", h);
         }

@@ -58,7 +58,7 @@ public:
 
 private:
     void begin(const CaseId &id);
-    void ask(); // a worker for current_
+    void requestRun(); // a worker for current_
     void startWaiting();
     void abandon();
     void handle(const Event &event);
@@ -93,7 +93,7 @@ bool Runner::Slot::proceed(Schedule &schedule)
         if (runner_.givesUp())
             abandon();
         else if (since(lastStart_) > kSecondsBetweenStarts)
-            ask();
+            requestRun();
     }
     if (current_ || closing_)
         return true;
@@ -128,10 +128,10 @@ bool Runner::Slot::proceed(Schedule &schedule)
 void Runner::Slot::begin(const CaseId &id)
 {
     current_ = id;
-    ask();
+    requestRun();
 }
 
-void Runner::Slot::ask()
+void Runner::Slot::requestRun()
 {
     const RunSettings &settings = runner_.settings_;
     const CaseId &id = *current_;
@@ -391,7 +391,7 @@ void Runner::run(Schedule &schedule)
             reportMissing(*id);
 }
 
-DeviceSummary askForDevice(const WorkerOptions &options, double timeout)
+DeviceSummary findDevice(const WorkerOptions &options, double timeout)
 {
     WorkerProcess worker(options);
     worker.send({.kind = Request::Kind::Describe});

@@ -81,6 +81,6 @@ private:
 
 // The device that workers with these options test. Throws Error if it does not exist, and UsageError if the layer
 // ignores a setting, because cases would then not run as the environment requests.
-DeviceSummary askForDevice(const WorkerOptions &options, double timeout);
+DeviceSummary findDevice(const WorkerOptions &options, double timeout);
 
 } // namespace vellum::cli

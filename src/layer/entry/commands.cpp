@@ -110,8 +110,9 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance handle, 
         return r && (r->scope == Scope::Instance || r->scope == Scope::Device) ? r->function : nullptr;
     Instance &instance = instanceOf(handle);
     const PFN_vkVoidFunction next = instance.next.GetInstanceProcAddr(handle, name);
-    const bool ours = r && (r->scope == Scope::Instance || r->scope == Scope::Device || r->scope == Scope::Debug);
-    if (ours && next)
+    const bool isLayerCommand =
+        r && (r->scope == Scope::Instance || r->scope == Scope::Device || r->scope == Scope::Debug);
+    if (isLayerCommand && next)
         return r->function;
     return next;
 }

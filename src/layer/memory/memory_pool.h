@@ -73,7 +73,7 @@ private:
     std::set<std::pair<VkDeviceSize, VkDeviceAddress>> freeBySize_;
 };
 
-// A piece that its destructor gives back.
+// A piece that its destructor frees.
 class PooledMemory
 {
 public:

@@ -17,7 +17,7 @@ class Objects
 {
 public:
     explicit Objects(int file) : file_(file) {}
-    // Functions give back 0 or an error of errno.h.
+    // Functions return 0 or an error of errno.h.
     int create(u64 size, u32 &handle);
     int offset(u32 handle, u64 &offset);
     int close(u32 handle);

@@ -130,9 +130,9 @@ TEST(SynchronizedQueue, SubmissionWhileAnotherThreadWaits)
                                                   .ppEnabledExtensionNames = extensions.data()});
     VkDevice device = VK_NULL_HANDLE;
     VT_CHECK(vkCreateDevice(gpu.physical(), &info, nullptr, &device));
-    const auto ask = vkInit<VkDeviceQueueInfo2>({.flags = queueInfo.flags, .queueFamilyIndex = gpu.family()});
+    const auto query = vkInit<VkDeviceQueueInfo2>({.flags = queueInfo.flags, .queueFamilyIndex = gpu.family()});
     VkQueue queue = VK_NULL_HANDLE;
-    vkGetDeviceQueue2(device, &ask, &queue);
+    vkGetDeviceQueue2(device, &query, &queue);
     ASSERT_NE(queue, VK_NULL_HANDLE);
     auto type = vkInit<VkSemaphoreTypeCreateInfo>({.semaphoreType = VK_SEMAPHORE_TYPE_TIMELINE});
     const auto semaphoreInfo = vkInit<VkSemaphoreCreateInfo>({.pNext = &type});

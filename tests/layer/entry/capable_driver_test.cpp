@@ -229,8 +229,8 @@ TEST_F(CapableDriverKhr, CaptureReplayOfMicromaps)
     for (int run = 0; run < 2; ++run) { // capture, then replay
         VkAccelerationStructureKHR micromap = VK_NULL_HANDLE;
         ASSERT_EQ(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &create, nullptr, &micromap), VK_SUCCESS);
-        auto ask = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = micromap});
-        EXPECT_EQ(gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &ask),
+        auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = micromap});
+        EXPECT_EQ(gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &query),
                   create.addressRange.address);
         gpu().submit([&](VkCommandBuffer commands) { recordCopy(gpu(), commands, source.handle().khr, micromap); });
         gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), micromap, nullptr);

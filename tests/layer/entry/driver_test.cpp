@@ -391,8 +391,8 @@ TEST(Driver, ExtensionsThatConflictWithMicromaps)
                         .quirks = translated ? "vendors,ext" : "vendors",
                         .micromaps = false,
                         .api = Api::Khr});
-        const std::vector<const char *> ours{"VK_KHR_acceleration_structure", "VK_KHR_deferred_host_operations",
-                                             "VK_KHR_device_address_commands", "VK_KHR_opacity_micromap"};
+        const std::vector<const char *> required{"VK_KHR_acceleration_structure", "VK_KHR_deferred_host_operations",
+                                                 "VK_KHR_device_address_commands", "VK_KHR_opacity_micromap"};
         for (const Conflicting &one : kConflicting) {
             SCOPED_TRACE(one.extension);
             EXPECT_TRUE(lists(gpu, one.extension));
@@ -408,7 +408,7 @@ TEST(Driver, ExtensionsThatConflictWithMicromaps)
             EXPECT_TRUE(micromaps.micromap);
 
             EXPECT_EQ(createDevice(gpu, {one.extension}, &alone), VK_SUCCESS);
-            std::vector<const char *> both = ours;
+            std::vector<const char *> both = required;
             both.push_back(one.extension);
             // The features that the query returned, as vkd3d-proton enables them.
             EXPECT_EQ(createDevice(gpu, both, &micromaps) == VK_SUCCESS, !conflicts || one.features != 0);
@@ -427,10 +427,10 @@ TEST(Driver, ExtensionsThatConflictWithMicromaps)
         }
         // Without KHR, a translated device differs only by injected work.
         ConflictingFeatures heap{static_cast<VkStructureType>(1000135009), nullptr, VK_TRUE};
-        EXPECT_EQ(createDevice(gpu, {ours[0], ours[1], ours[2], "VK_EXT_descriptor_heap"}, &heap),
+        EXPECT_EQ(createDevice(gpu, {required[0], required[1], required[2], "VK_EXT_descriptor_heap"}, &heap),
                   VK_ERROR_EXTENSION_NOT_PRESENT);
         ConflictingFeatures dense{static_cast<VkStructureType>(1000478000), nullptr, VK_TRUE};
-        EXPECT_EQ(createDevice(gpu, {ours[0], ours[1], ours[2], "VK_AMDX_dense_geometry_format"}, &dense),
+        EXPECT_EQ(createDevice(gpu, {required[0], required[1], required[2], "VK_AMDX_dense_geometry_format"}, &dense),
                   translated ? VK_SUCCESS : VK_ERROR_EXTENSION_NOT_PRESENT);
         gpu.takeMessages();
     }

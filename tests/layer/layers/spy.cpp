@@ -78,11 +78,11 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
         return std::any_of(names.begin(), names.end(),
                            [extension](const char *name) { return std::strcmp(name, extension) == 0; });
     };
-    for (const char *ours :
+    for (const char *provided :
          {VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME,
           "VK_ARM_pipeline_opacity_micromap", VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME, kDisplacement}) {
-        if (isEnabled(ours) && !(ext && std::strcmp(ours, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0))
-            report(std::string("vkCreateDevice: ") + ours);
+        if (isEnabled(provided) && !(ext && std::strcmp(provided, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0))
+            report(std::string("vkCreateDevice: ") + provided);
     }
     const auto *features = inChain<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
         info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);

@@ -345,8 +345,8 @@ TEST_F(PipelineCreation, StackSizes)
     }
 }
 
-// The application knows of no any-hit shader where it has none. The spy reports it if the size that reaches the
-// driver has no space for ours.
+// The application sets a stack size without any-hit shaders, as it has none. The spy reports it if the size that
+// reaches the driver has no space for the layer's.
 TEST_F(PipelineCreation, StackSizeSetByTheApplication)
 {
     for (const bool anyHit : {true, false}) {

@@ -150,8 +150,8 @@ public:
         const auto type = std::is_same_v<Scene, Tlas> ? VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR
                                                       : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
         VT_CHECK(place.create(offset, type, captured.earlier(), replayed_));
-        const auto ask = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = replayed_});
-        address_ = gpu.vk().GetAccelerationStructureDeviceAddressKHR(gpu.device(), &ask);
+        const auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = replayed_});
+        address_ = gpu.vk().GetAccelerationStructureDeviceAddressKHR(gpu.device(), &query);
         EXPECT_EQ(captured.kept(address_), address_);
     }
     ~Replayed() override { device_.vk().DestroyAccelerationStructureKHR(device_.device(), replayed_, nullptr); }

@@ -25,7 +25,7 @@ using RecordWords = std::array<uint32_t, shared::kStructureRecordWords>;
 class StructureRecords
 {
 public:
-    // A record that its destructor gives back. Must not outlive the records.
+    // A record that its destructor releases. Must not outlive the records.
     class Owner
     {
     public:
