@@ -155,7 +155,7 @@ class Run:
         return not process.hung and process.status == (1 if failed else 0)
 
     def separately(self, cases, process, ended):
-        """The program failed beside its cases: each of them alone."""
+        """The program failed outside its cases: runs each of them alone."""
         found = False
         for case in cases:
             alone = Process(self.options.program, [case], self.options.timeout)

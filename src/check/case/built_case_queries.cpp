@@ -196,7 +196,7 @@ void BuiltCase::QueryRun::checkResults(const char *name, const QueryCommand &com
     }
     for (size_t i = 0; i < bytes.size(); ++i) {
         if (!mayChange[i] && bytes[i] != kUnwritten)
-            return fault(fmt::format("{} writes beside its results (byte {} of {})", name, i, bytes.size()));
+            return fault(fmt::format("{} writes outside its results (byte {} of {})", name, i, bytes.size()));
     }
 }
 

@@ -242,7 +242,7 @@ constexpr std::array kBuildsGroups{
           "Command Buffer State: build and copy commands change no bound pipeline, descriptor set or push constants; "
           "Conditional Rendering: discards draws, dispatches and clears only",
           120, runGroup<state>, 50},
-    Group{"threads", "builds recorded on several threads and submitted to all queues; rays beside a build",
+    Group{"threads", "builds recorded on several threads and submitted to all queues; rays concurrent with a build",
           "Threading Behavior; Acceleration Structure Build Synchronization", 100, runGroup<threads>, 100},
 };
 

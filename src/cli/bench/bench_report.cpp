@@ -89,7 +89,7 @@ void addFrames(const PartResult &result, std::vector<std::string> &verdict)
         }
         if (!levels.empty())
             verdict.push_back(
-                fmt::format("By {}, {} beside a {} alpha test: {}.",
+                fmt::format("By {}, {} compared with a {} alpha test: {}.",
                             result.part.trace == render::Trace::Query ? "ray queries" : "a ray tracing pipeline",
                             implementationOf(result.part), heavy ? "heavy" : "plain", levels));
     }

@@ -136,7 +136,7 @@ std::span<const Quirk> allFaults()
         {"unknown-states-swapped", Level::Micromaps, "the states unknown-transparent and unknown-opaque are exchanged",
          "2 and 3, swapped"},
         {"lossy-opaque-to-transparent", Level::Micromaps,
-         "a lossy build makes opaque micro-triangles beside transparent ones transparent",
+         "a lossy build makes opaque micro-triangles next to transparent ones transparent",
          "lossy compression by majority, where only unknown is allowed"},
         {"lossy-differs-by-device", Level::Micromaps,
          "on every device but the first, lossy builds make opaque micro-triangles unknown-opaque",
@@ -259,7 +259,7 @@ std::span<const Quirk> allFreedoms()
         {"coarse-arithmetic", Level::Instances,
          "distances and barycentrics differ by a few units in the last place of world coordinates (Ray Traversal)"},
         {"boxes-grown", Level::Boxes,
-         "boxes are candidates of rays that pass beside them (Ray Intersection Candidate Determination)"},
+         "boxes are candidates of rays that pass next to them (Ray Intersection Candidate Determination)"},
         {"lossy-by-content", Level::Micromaps,
          "a third of the elements of lossy micromaps are unknown, depending on nothing but their content (Ray Opacity "
          "Micromap)"},
