@@ -237,7 +237,7 @@ struct Distinct {
 struct Key {
     uint32_t material;
     uint32_t request;            // level, or none, and format
-    std::array<uint32_t, 6> uvs; // as bits, so that NaNs are equal to themselves
+    std::array<uint32_t, 6> uvs; // bits, so that NaNs are equal to themselves
     bool operator==(const Key &) const = default;
 };
 

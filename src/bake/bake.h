@@ -36,7 +36,7 @@ enum class AlphaTest : uint8_t { GreaterOrEqual, Greater, LessOrEqual, Less };
 
 // The 2-state state that an unknown state becomes.
 enum class TwoStateRule : uint8_t {
-    Nearest,              // what most of the micro-triangle is
+    Nearest,              // the most frequent state of the micro-triangle
     UnknownIsOpaque,      // nothing opaque is lost
     UnknownIsTransparent, // nothing transparent is hit
 };

@@ -34,7 +34,7 @@ inline constexpr char kListSeparator = ':';
 #endif
 struct ProcessEnd {
     int code = 0;      // the exit code
-    std::string crash; // what ended the process instead, such as "SIGSEGV"; empty where it exited
+    std::string crash; // the reason if it did not exit, such as "SIGSEGV"; empty if it exited
 
     // "SIGSEGV", "exit code 1"; empty for success.
     [[nodiscard]] std::string text() const

@@ -77,8 +77,8 @@ FARPROC WINAPI replaceFunction(unsigned what, DelayLoadInfo *info)
 std::vector<std::string> prepareProcess(int, char **)
 {
     for (std::FILE *stream : {stdin, stdout, stderr})
-        _setmode(_fileno(stream), _O_BINARY); // what is written is the same on every system
-    std::setvbuf(stderr, nullptr, _IONBF, 0); // what a process printed before a crash is wanted
+        _setmode(_fileno(stream), _O_BINARY); // output is the same on every system
+    std::setvbuf(stderr, nullptr, _IONBF, 0); // output before a crash must not be lost
     prepareConsole();
     __pfnDliNotifyHook2 = findVulkan;
     __pfnDliFailureHook2 = replaceFunction;
@@ -380,7 +380,8 @@ const char *const kExitCodesOfPrograms = "others    that of the program, such as
 int runProgram(std::span<const std::string> words)
 {
     SetConsoleCtrlHandler(ignore, TRUE); // to the end: removing it would wait for one that does not return
-    const Handle job = makeJob(JOB_OBJECT_LIMIT_SILENT_BREAKAWAY_OK); // what the program starts may outlive it
+    const Handle job =
+        makeJob(JOB_OBJECT_LIMIT_SILENT_BREAKAWAY_OK); // processes that the program starts may outlive it
     STARTUPINFOW start{};
     start.cb = sizeof start;
     PROCESS_INFORMATION started{};

@@ -35,7 +35,8 @@ void prepareEnvironment(const CheckOptions &options)
     if (options.layer)
         gpu::offerLayer(options.layerFolder);
     if (!variable("VELLUM_MESSAGE_LIMIT"))
-        setVariable("VELLUM_MESSAGE_LIMIT", "0"); // what the layer reports fails a case, whatever it reported before
+        setVariable("VELLUM_MESSAGE_LIMIT",
+                    "0"); // each report of the layer fails its case, even if it was reported before
     if (!options.implementation.empty())
         setVariable("VELLUM_IMPLEMENTATION", options.implementation);
 }

@@ -76,7 +76,7 @@ struct RawOptions {
     std::string level = "auto";
     std::string states = "4";
     bool noLayer = false;
-    std::vector<CLI::Option *> bakes; // those that request new micromaps
+    std::vector<CLI::Option *> bakes; // options that request new micromaps
 };
 
 void declareFiles(CLI::App &command, RenderOptions &options, RawOptions &raw)

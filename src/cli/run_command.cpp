@@ -70,7 +70,7 @@ struct MessageSummary {
     std::vector<Kind> kinds; // of warnings and errors, in the order of the first of each
     size_t errors = 0;
     size_t warnings = 0;
-    size_t devices = 0; // whose micromaps the layer provides or validates
+    size_t devices = 0; // devices with micromaps of the layer, or with its validation
 };
 
 struct Message {

@@ -200,7 +200,7 @@ VELLUM_CONST uint kHashBucketWords = 4u;
 // A descriptor of instances in serialized data has the address of the handles in words 6, 7.
 VELLUM_CONST uint kDescriptorWords = 8u;
 VELLUM_CONST uint kDescriptorFirstSlot = 6u;
-VELLUM_CONST uint kDescriptorGenerations = 32u; // as many as descriptors have bytes, so that the low bits are free
+VELLUM_CONST uint kDescriptorGenerations = 32u; // equal to the bytes of a descriptor, so that the low bits are free
 VELLUM_CONST uint kDescriptorKindMask = 0xffu;
 VELLUM_CONST uint kDescriptorGenerationShift = 8u;
 VELLUM_CONST uint kDescriptorUnbuilt = 0u; // nothing was built

@@ -30,7 +30,7 @@ public:
 private:
     const Document &document_;
     uint64_t allowance_;          // of texels
-    std::set<std::string> files_; // that are counted in it
+    std::set<std::string> files_; // files counted in it
 };
 
 // The parameters that determine the alpha at a texture coordinate.

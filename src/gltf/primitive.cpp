@@ -39,7 +39,7 @@ std::vector<uint32_t> unfold(int mode, std::vector<uint32_t> corners)
 // How the values of an attribute that Draco has compressed become floats, according to its accessor.
 DracoMesh::As dracoTypeOf(const gltf_json::Model &model, int accessor, const std::string &what)
 {
-    static_cast<void>(accessorCount(model, accessor, what)); // that it exists
+    static_cast<void>(accessorCount(model, accessor, what)); // checks that it exists
     const gltf_json::Accessor &source = model.accessors[static_cast<size_t>(accessor)];
     if (!source.normalized)
         return DracoMesh::As::IntegersOrFloats;

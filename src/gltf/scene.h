@@ -25,7 +25,7 @@ struct Geometry {
     std::vector<Vec3> positions;   // in the mesh's space, finite; morph targets and skins are applied
     std::vector<TexCoord> uvs;     // one per position; KHR_texture_transform is applied
     std::vector<uint32_t> indices; // three per triangle, all below positions.size()
-    float uvTerms = 0;             // as of Primitive
+    float uvTerms = 0;             // Primitive::uvTerms
     std::vector<float> alphas{};   // COLOR_0's, one per position; none where they are 1 all over
     // The primitive that it is, triangle for triangle; nothing where it is from no file.
     std::optional<PrimitivePlace> place{};

@@ -15,7 +15,7 @@ class Arena
 {
 public:
     struct Place {
-        size_t block = 0; // which of the arena's buffers
+        size_t block = 0; // index of the arena's buffer
         VkDeviceSize offset = 0;
         const Buffer *buffer = nullptr;
     };
@@ -49,7 +49,7 @@ public:
 
     struct Counts {
         uint64_t buffers = 0, pieces = 0, operations = 0;
-        uint64_t guardBytes = 0, otherBytes = 0; // that were checked
+        uint64_t guardBytes = 0, otherBytes = 0; // bytes checked so far
     };
     [[nodiscard]] Counts counts() const;
 

@@ -69,7 +69,7 @@ constexpr std::array<OfDriver, 8> kOfDrivers{{
 
 struct OfLayer {
     KnownFault known;
-    std::string_view description; // what the layer reports that it does
+    std::string_view description; // the fault as the layer reports it
 };
 
 constexpr std::array<OfLayer, 3> kOfLayer{{

@@ -27,7 +27,7 @@ enum class Fault {
 
 struct KnownFault {
     Fault fault;
-    std::string_view text;     // what the driver or the layer does wrong
+    std::string_view text;     // the fault of the driver or the layer
     std::string_view response; // what is avoided or not checked
 };
 

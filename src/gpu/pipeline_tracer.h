@@ -69,7 +69,7 @@ struct TraceParameters {
 struct MadePipeline {
     RayPipeline pipeline;
     std::vector<uint32_t> groups;         // where each group of the setup is in the pipeline; empty: at the same place
-    std::vector<RayPipeline> libraries{}; // that it was made of
+    std::vector<RayPipeline> libraries{}; // libraries of the pipeline
 };
 
 struct PipelineTracerSetup {

@@ -24,12 +24,12 @@ inline constexpr uint32_t kFlagDisable = 0x20;  // VK_GEOMETRY_INSTANCE_DISABLE_
 // VkAccelerationStructureGeometryMicromapDataKHR; VkAccelerationStructureTrianglesOpacityMicromapEXT alike).
 enum UsageForm : uint32_t {
     kUsageZeros = 1,      // elements with count 0 before the others
-    kUsageSplit = 2,      // what is counted is in two elements, the second ones behind all first ones
+    kUsageSplit = 2,      // counts are split into two elements, the second ones behind all first ones
     kUsageDescending = 4, // by format and level
 };
 // The order of the data of a micromap's triangles. dataOffset is "a byte aligned value" (VkMicromapTriangleKHR).
 enum DataLayout : uint32_t {
-    kDataDescending = 1,  // that of the last triangle first
+    kDataDescending = 1,  // the data of the last triangle first
     kDataGaps = 2,        // 1 to 7 bytes of garbage between two; unused bits of a byte are garbage as well
     kDataOverlapping = 4, // a triangle whose data occurs within that of others has none of its own
 };

@@ -16,7 +16,7 @@ enum class Trace { Query, Pipeline };
 struct TraceStages {
     VkPipelineBindPoint bindPoint;
     VkPipelineStageFlags pipelineStage;
-    VkShaderStageFlags shaders; // that see the descriptors and push constants
+    VkShaderStageFlags shaders; // stages that use the descriptors and push constants
 };
 TraceStages stagesOf(Trace trace);
 

@@ -69,7 +69,7 @@ private:
     std::map<uint64_t, size_t> verified_;
     // By micromap, the alphas of triangles whose vertices have equal alphas; no more than decide Options::manyAlphas.
     std::map<uint32_t, std::set<float>> alphas_;
-    uint64_t work_ = 0; // that is left
+    uint64_t work_ = 0; // remaining work
     size_t done_ = 0;   // triangles
     size_t total_ = 0;
 };

@@ -60,7 +60,7 @@ struct Finding {
     uint32_t microTriangle = 0;
     uint32_t level = 0;
     bool special = false;
-    State state = State::Opaque; // what the micromap says
+    State state = State::Opaque; // claimed by the micromap
     // A place that contradicts it, or for Kind::Needless the middle, and the value there. Not a number where texture
     // coordinates or texels are not.
     double u = 0;
@@ -92,7 +92,7 @@ struct Result {
     Counts counts;
     std::vector<Finding> findings; // the first of each kind, by triangle and micro-triangle
     size_t distinct = 0;           // triangles that differ in coordinates or index
-    uint64_t work = 0;             // that was done
+    uint64_t work = 0;             // work done
 };
 
 // `micromap` must be valid and have an index for each triangle, the texture a value for each texel and at least one

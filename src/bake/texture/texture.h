@@ -24,7 +24,7 @@ struct AlphaTexture {
     Wrap wrapU = Wrap::Repeat;
     Wrap wrapV = Wrap::Repeat;
     Filter filter = Filter::Bilinear;
-    float border = 0; // what Wrap::Border reads outside
+    float border = 0; // read outside by Wrap::Border
 
     // Takes every `stride`-th byte as an 8-bit normalised value.
     //   first   the alpha of texel (0, 0): 3 bytes after the pixels of an RGBA image

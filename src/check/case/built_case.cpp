@@ -342,7 +342,7 @@ void BuiltCase::buildObjects()
 {
     const bool indirect = isIndirect(case_);
     describeObjects();
-    std::vector<uint32_t> objects; // that are not built yet
+    std::vector<uint32_t> objects; // objects not built yet
     for (uint32_t o = 0; o < bottoms_.size(); ++o) {
         if (!bottoms_[o].structure)
             objects.push_back(o);

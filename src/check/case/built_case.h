@@ -118,7 +118,7 @@ private:
     Device &gpu_;
     const Case &case_;
     Buffer predicate_;    // of conditional rendering: false
-    oracle::Scene scene_; // as the steps so far have made it
+    oracle::Scene scene_; // state after the steps so far
     std::vector<std::unique_ptr<Micromap>> micromaps_;
     std::vector<Bottom> bottoms_;
     std::unique_ptr<Structure> top_;

@@ -157,8 +157,8 @@ struct BuiltCase::QueryRun {
     VkQueryType type;
     QueryPool pool;
     VkCommandBuffer commands = VK_NULL_HANDLE; // recorded and not executed
-    bool resets = false, writes = false;       // whether they do that to queries
-    bool wrong = false;                        // whether a fault was found, after which waiting may never end
+    bool resets = false, writes = false;       // resets or writes queries
+    bool wrong = false;                        // a fault was found, after which a wait may never end
     std::vector<CopyResult> copies;
     std::map<std::pair<QueryTarget::Of, uint32_t>, uint64_t> values; // of queries that are alone in a pool
 };

@@ -28,7 +28,7 @@ struct BuildPlan {
     // With `together` and VK_KHR_opacity_micromap: structures without micromaps are built by the command that builds
     // the micromaps; and steps that build a micromap build an object that does not use it by the same command.
     bool mixed = false;
-    uint32_t threads = 1;          // that record builds, in command buffers that are submitted to all queues
+    uint32_t threads = 1;          // threads that record builds, in command buffers that are submitted to all queues
     bool instancePointers = false; // the top level reads an array of pointers
     bool geometryPointers = false; // the top level's geometry comes by ppGeometries
     bool single = false;           // everything by one command buffer, with the rays; without steps only
@@ -214,7 +214,7 @@ inline constexpr uint32_t kRequiredLevel = 3;
 
 struct Case {
     std::string group;
-    uint64_t seed = 0; // that it was made of
+    uint64_t seed = 0; // the seed that it was made from
     Memory memory = Memory::Apart;
     oracle::Scene scene;
     BuildPlan build;
@@ -230,10 +230,10 @@ oracle::Scene sceneAfter(const Case &c);
 struct Verdict {
     std::string cause; // one line without numbers that vary
     std::string detail;
-    uint64_t rays = 0;                 // that were compared with the oracle
+    uint64_t rays = 0;                 // rays compared with the oracle
     std::optional<uint32_t> ray;       // the first that is wrong
     std::vector<uint32_t> wrongRays;   // all that are wrong
-    oracle::Substitution substitution; // that lossy builds must have made
+    oracle::Substitution substitution; // substitutions that lossy builds must have made
     bool skipped = false;              // the device lacks what the case needs, which `cause` says
     [[nodiscard]] bool failed() const { return !cause.empty() && !skipped; }
 };

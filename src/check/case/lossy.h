@@ -16,7 +16,7 @@ namespace vellum::check
 // The elements of lossy micromaps that rays meet.
 struct LossyStates {
     oracle::Substitution states;
-    std::map<oracle::LossyElement, std::string> faults; // what the specification does not allow
+    std::map<oracle::LossyElement, std::string> faults; // violations of the specification
 };
 
 // Reads them from the structures of a case whose scene is `scene` after all steps. hits: allHits of each of its rays.

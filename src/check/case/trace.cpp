@@ -269,7 +269,7 @@ std::vector<std::string> traceFaults(Device &gpu, const Structure &top, const Sc
         std::vector<std::pair<TracePlan, std::unique_ptr<PlannedTracer>>> all;
     };
     const std::shared_ptr<Tracers> tracers = gpu.kept<Tracers>();
-    TracePlan pipelines = plan; // what pipelines depend on
+    TracePlan pipelines = plan; // the members that pipelines depend on
     pipelines.besideBuild = pipelines.boundFirst = pipelines.secondary = false;
     pipelines.launch = {};
     pipelines.firstDestroyed = false;

@@ -37,9 +37,9 @@ struct OutcomeFile {
 struct Outcome {
     Status status = Status::Pass;
     std::string cause;      // one line without numbers that vary: failures with the same cause are put together
-    std::string detail;     // what was found and what was expected; lines
+    std::string detail;     // the finding and the expectation; lines
     std::string reproducer; // the shrunk case as JSON; empty if none
-    uint64_t rays = 0;      // that were compared with the oracle
+    uint64_t rays = 0;      // rays compared with the oracle
     std::vector<OutcomeFile> files;
 };
 
@@ -47,7 +47,7 @@ struct Outcome {
 struct SessionOptions {
     uint32_t device = 0; // its number in Vulkan's list
     Api api = Api::Khr;
-    bool layer = true; // whether our layer is enabled
+    bool layer = true; // the layer is enabled
 };
 
 // The device of one process.

@@ -21,7 +21,7 @@ constexpr double kPlace = 5e-6;
 constexpr double kMostMargin = 5e-4;  // in barycentrics: half of what the checks of rays tolerate
 constexpr double kFlat = 1e-9;        // products of edges, of vertices in one line
 constexpr double kNearSegment = 1e-3; // to a triangle whose vertices are in one line
-constexpr double kWidest = 0.05;      // the same of slivers
+constexpr double kWidest = 0.05;      // limit for slivers
 
 using Point = std::array<double, 3>;
 

@@ -23,7 +23,7 @@ struct TablePlan {
     std::vector<HitRecord> records;
     std::optional<uint32_t> length; // hit records; nothing: as many as the scene reaches
     uint32_t misses = 1;            // miss records
-    bool nullMiss = false;          // that of the rays is a zero record
+    bool nullMiss = false;          // the miss record of the rays is zero
     RecordData content = RecordData::Word;
     TableLayout layout;
 

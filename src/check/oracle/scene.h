@@ -37,7 +37,7 @@ struct SceneMicromap {
 struct MeshMicromap {
     std::optional<uint32_t> micromap; // its number in the scene; nothing: a null handle, and special indices only
     VkIndexType indexType = VK_INDEX_TYPE_NONE_KHR;
-    std::vector<int32_t> indices; // what each triangle of the mesh has; negative: special
+    std::vector<int32_t> indices; // index of each triangle of the mesh; negative: special
     uint32_t base = 0;
     // Bytes between two indices; tightly packed unless given; 0: every triangle reads the first index.
     std::optional<uint32_t> stride;

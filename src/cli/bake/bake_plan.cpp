@@ -78,7 +78,7 @@ private:
     bool force_;
     std::vector<FilesBeside> beside_;
     std::vector<std::string> problems_;
-    std::map<FileId, fs::path> reads_; // what is read, and the input that it is or that names it
+    std::map<FileId, fs::path> reads_; // files that are read, and the input that each belongs to
     struct Write {
         fs::path input;
         fs::path copied; // the file that is copied; empty for an output

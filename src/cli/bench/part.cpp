@@ -474,7 +474,7 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device, double ti
             last = elapsed();
         }
     }
-    if (Interruptible::interrupted()) // which may have ended the process as well
+    if (Interruptible::interrupted()) // the interrupt may have ended the process as well
         result.failure = "interrupted";
     else
         result.failure =

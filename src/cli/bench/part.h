@@ -17,7 +17,7 @@ namespace vellum::cli
 {
 
 enum class PartKind {
-    Device,    // what the device is, and who implements micromaps
+    Device,    // the device, and who implements micromaps
     Check,     // random cases against the oracle of `vellum check`
     Frames,    // frames with micromaps compared with frames with alpha tests
     Builds,    // micromaps and acceleration structures
@@ -30,7 +30,7 @@ struct Part {
     std::string implementation = "auto"; // the layer's setting
     gpu::Api api = gpu::Api::Khr;
     render::Trace trace = render::Trace::Query; // of frames
-    double seconds = 10;                        // that it should take
+    double seconds = 10;                        // intended duration
 
     // "frames-query-emulated-khr"; "device-auto"
     [[nodiscard]] std::string name() const;

@@ -16,7 +16,7 @@ namespace vellum::cli
 
 // The device and API that a worker process tests.
 struct WorkerOptions {
-    gpu::DeviceSelection device; // as --device names it; its number once it is chosen
+    gpu::DeviceSelection device; // the operand of --device; the device's number once it is chosen
     check::Api api = check::Api::Khr;
     bool layer = true; // Vellum's layer is enabled
 };

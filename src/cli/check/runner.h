@@ -72,8 +72,8 @@ private:
     Clock::time_point start_ = Clock::now();
     double turn_ = 0;                   // seconds that a worker runs the cases of one stream
     unsigned failedOpenings_ = 0;       // one after the other
-    unsigned workers_ = 0;              // that exist
-    Clock::time_point lastFailedStart_; // that counts
+    unsigned workers_ = 0;              // existing workers
+    Clock::time_point lastFailedStart_; // the last failure that counts
     std::string whyMissing_;            // of the last one
     bool failed_ = false;
     std::map<std::string, size_t> confirmed_; // cases that failed twice, by cause

@@ -43,8 +43,8 @@ public:
     // groups.
     [[nodiscard]] double work() const { return static_cast<double>(remaining()) / group_->quickCases(); }
 
-    unsigned workers = 0; // that run its cases now
-    double seconds = 0;   // that its cases took
+    unsigned workers = 0; // workers that run its cases now
+    double seconds = 0;   // time that its cases took
 
 private:
     check::Api api_;

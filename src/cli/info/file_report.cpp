@@ -99,7 +99,7 @@ private:
     const Document &document_;
     const gltf_json::Model &model_;
     std::vector<bool> masked_;                    // by material
-    std::set<PrimitivePlace> micromapPrimitives_; // those that have one
+    std::set<PrimitivePlace> micromapPrimitives_; // primitives with micromaps
     FileReport report_;
 };
 

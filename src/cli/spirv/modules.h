@@ -65,7 +65,7 @@ struct SpirvFile {
     std::string path;
     std::string error; // why it was not read or changed; nothing else is known then
     size_t bytes = 0;
-    uint32_t version = 0; // as in the header of the module
+    uint32_t version = 0; // from the header of the module
     std::vector<spirv::EntryPoint> entryPoints;
     std::optional<std::vector<LintFinding>> findings; // of --lint
     std::optional<SpirvOutput> output;

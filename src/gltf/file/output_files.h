@@ -67,11 +67,11 @@ private:
     NewFile &open(const std::filesystem::path &path, Existing existing);
     void makeFolders(const std::filesystem::path &folder);
     void put(NewFile &file, std::span<const uint8_t> bytes) const;
-    bool publish(Pending &pending); // whether it is new
+    bool publish(Pending &pending); // returns whether it is new
 
     std::function<bool()> cancelled_;
     std::deque<Pending> pending_;
-    std::vector<std::filesystem::path> folders_; // that were made
+    std::vector<std::filesystem::path> folders_; // created folders
     bool published_ = false;
 };
 

@@ -339,7 +339,7 @@ void DocumentBaker::bakeAll()
             bakeSources({source, 1});
     }
     if (options_.bake.budget)
-        bakeSources(sources_); // which of them gains most from a byte is decided over all
+        bakeSources(sources_); // the budget is shared over all of them
 }
 
 // In the order of the sources. Drops the primitives of sources whose image cannot be decoded in this build.

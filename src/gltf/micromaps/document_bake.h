@@ -39,7 +39,7 @@ struct BakedPrimitive {
     std::vector<uint32_t> corners;
     // Triangles that are unknown because their vertices have different alphas (COLOR_0).
     size_t varying = 0;
-    std::string caution; // which renderers it is wrong for; empty if none
+    std::string caution; // renderers for which it is wrong; empty if none
 };
 
 enum class SkipReason : uint8_t {

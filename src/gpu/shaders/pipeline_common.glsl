@@ -38,7 +38,7 @@ struct More { // one for each result
     uint record;
     uint invocations; // closest-hit and miss shaders, together
     uint intact;
-    uint called; // what the callable shader read in its record
+    uint called; // read by the callable shader in its record
     uint pad0, pad1;
 };
 

@@ -13,7 +13,7 @@ struct Ray {
 
 struct Result {
     uint candidates;
-    uint flags; // as the shader reads them
+    uint flags; // flags that the shader reads
     uint committed;
     uint customIndex;
     uint instance;

@@ -66,7 +66,7 @@ bool isNewFault(const std::string &text)
 // A message as it is sent.
 struct Reporter::Sent {
     VkDebugUtilsMessageSeverityFlagBitsEXT severity;
-    std::string_view id, text; // that end with 0
+    std::string_view id, text; // null-terminated
     VkObjectType type = VK_OBJECT_TYPE_UNKNOWN;
     uint64_t object = 0;
     std::string_view objectName;

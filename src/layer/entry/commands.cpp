@@ -43,7 +43,7 @@ enum class Scope {
 
 // A command of base/commands.inc.
 struct Row {
-    const char *command; // as the registry describes it
+    const char *command; // name in the registry
     Scope scope;
     PFN_vkVoidFunction function;    // of the implementation; may be null
     PFN_vkVoidFunction validation;  // validates the command and calls the implementation; may be null

@@ -460,7 +460,7 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
         device.reset();
         destroy(handle, allocator);
     });
-    reportGpuErrors(device->objects, 0); // those that validation has not
+    reportGpuErrors(device->objects, 0); // errors that validation has not reported
 }
 
 bool forgetDevices(const Instance &instance)

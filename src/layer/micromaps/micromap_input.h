@@ -26,7 +26,7 @@ inline constexpr MicromapSupport kEmulatedSupport{{shared::kMaxSubdivisionLevel,
 struct MicromapBuild {
     Micromap target;                                  // null for a query of sizes
     std::shared_ptr<AccelerationStructure> structure; // the target, in VK_KHR_opacity_micromap
-    VkDeviceSize bytes = 0;                           // that the build writes at most
+    VkDeviceSize bytes = 0;                           // the most that the build writes
     VkBuildMicromapFlagsEXT flags = 0;                // may hold kLossyBuild
     std::vector<VkMicromapUsageEXT> usages;           // only counts above 0; unknown formats count as 4-state
     MicromapExtent extent;

@@ -31,7 +31,7 @@ struct HiddenInBinary {
 // A stage of a library, which groups of pipelines that link it may name.
 struct LibraryStage {
     uint32_t driverStage = 0;                // its index in the driver's library
-    std::optional<spirv::TypeWords> payload; // that it is called with (payloadTypes() in micromap_stages.h)
+    std::optional<spirv::TypeWords> payload; // the payload of its calls (payloadTypes() in micromap_stages.h)
 };
 
 // A pipeline that uses micromaps.

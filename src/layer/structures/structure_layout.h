@@ -36,7 +36,7 @@ struct TopLevelLayout {
     TopLevelLayout(const Driver &driver, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count);
 
     uint32_t count;
-    VkDeviceSize driverScratch = 0; // that the driver needs, before the instances that it builds from
+    VkDeviceSize driverScratch = 0; // scratch memory of the driver, before the instances that it builds from
     VkDeviceSize tailOffset = 0;    // of the instances that are kept, after the driver's part
     [[nodiscard]] VkDeviceSize bytes() const
     {

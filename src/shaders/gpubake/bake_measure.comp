@@ -51,7 +51,7 @@ void main()
 {
     loadAlpha();
     const Work work = workAt(INVOCATION);
-    if (!work.any || work.level <= 3u) // those have been looked at
+    if (!work.any || work.level <= 3u) // these are decided already
         return;
     const uint at = triangleAt(work.triangle) + kBakeStates;
     uint seen = atomicOr(SCRATCH(at), 0u);

@@ -45,7 +45,7 @@ private:
     Case best_;
     uint32_t runs_ = 0;
     std::unordered_set<size_t> seen_;
-    std::vector<std::string> earlier_; // those that were the best, or some of them, as JSON
+    std::vector<std::string> earlier_; // earlier best cases, or some of them, as JSON
     size_t earlierBytes_ = 0;
 };
 

@@ -14,7 +14,7 @@ namespace vellum::check
 struct ShrinkLimits {
     double seconds = 60;
     uint32_t runs = 3000;
-    std::optional<uint32_t> ray; // that is wrong in the first case (Verdict::ray)
+    std::optional<uint32_t> ray; // the ray that fails in the first case (Verdict::ray)
 };
 
 struct Shrunk {

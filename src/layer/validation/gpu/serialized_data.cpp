@@ -24,7 +24,7 @@ constexpr size_t kBlockFormat = 13; // 0xffffffff: blocks follow, and not handle
 constexpr size_t kFirstBlock = 14;
 constexpr size_t kBlockWords = 4; // type, a reserved word, number of addresses
 constexpr size_t kHeaderWords = 12;
-constexpr uint32_t kMostWords = 2048; // that are read
+constexpr uint32_t kMostWords = 2048; // the most words that are read
 
 using Words = std::span<const uint32_t>;
 

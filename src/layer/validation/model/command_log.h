@@ -81,7 +81,7 @@ struct CommandLog : CommandState {
     bool isProtected = false;
     bool isRecording = false;
     bool isRendering = false; // inside a render pass instance
-    bool suspends = false;    // that will be suspended
+    bool suspends = false;    // rendering will be suspended
     bool isSuspended = false; // between two such instances
     // Shared with submissions: once the driver has the work, another thread may learn that it is complete and reset or
     // free the command buffer before the steps have run. Never null.

@@ -94,9 +94,9 @@ struct GeometryContents {
     VkGeometryFlagsKHR flags = 0;
     std::optional<uint32_t> primitives{};       // unknown after an indirect build
     bool hasMicromap = false;                   // there is a structure that attaches one, with a null handle or not
-    bool khr = false;                           // that structure is VK_KHR_opacity_micromap's
+    bool khr = false;                           // the structure is of VK_KHR_opacity_micromap
     ObjectHandle micromapHandle;                // 0 for a null handle
-    std::weak_ptr<ValidatedStructure> micromap; // that is attached
+    std::weak_ptr<ValidatedStructure> micromap; // the attached micromap
     uint64_t micromapNumber = 0;                // ValidatedStructure::number of it; 0: it was not known
     std::vector<VkMicromapUsageEXT> usages;     // of VK_EXT_opacity_micromap: which triangles of it are used
     CapturedIndices indices;                    // into it

@@ -25,7 +25,7 @@ struct DeviceFacts {
     bool addressMultiDevice = false;
 
     bool isGroup = false;                 // of several physical devices
-    VkShaderStageFlags storingStages = 0; // whose shaders may write to memory
+    VkShaderStageFlags storingStages = 0; // stages whose shaders may write to memory
 
     bool protectedNoFault = false;
     uint32_t maxVertexInputBindings = 0;

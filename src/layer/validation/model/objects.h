@@ -111,7 +111,7 @@ struct ValidatedBuffer {
     VkDeviceSize memoryOffset = 0;
     VkDeviceAddress address = 0;             // 0: without one, or without memory
     BoundRanges bound;                       // of a sparse buffer
-    WeakList<ValidatedStructure> structures; // that were created in it
+    WeakList<ValidatedStructure> structures; // structures created in it
 };
 
 // A VkAccelerationStructureKHR or a VkMicromapEXT.
@@ -132,9 +132,9 @@ struct ValidatedStructure {
 
     // The rest changes when commands are executed, as far as the host can know: see CommandLog.
     std::shared_ptr<const StructureContents> contents; // null: not constructed, or overwritten
-    ObjectHandle overwrittenBy;                        // what was constructed in its memory since; none: nothing
+    ObjectHandle overwrittenBy;                        // constructed later in its memory; none: nothing
     uint64_t since = 0;                                // DeviceModel::numbers when it got them
-    uint64_t built = 0;                                // the same of the structure that they were copied from
+    uint64_t built = 0;                                // `built` of the structure that they were copied from
     uint64_t losses = 0; // 1 + LostStructures::count() when instances were last checked; 0: they were not
     std::atomic<bool> destroyed = false;
     bool ownAllocator = false; // it was created with allocation callbacks
@@ -148,7 +148,7 @@ struct ValidatedStructure {
 
 struct ValidatedMemory {
     bool hostVisible = true;
-    std::shared_ptr<WeakList<ValidatedBuffer>> buffers{}; // that are bound to it
+    std::shared_ptr<WeakList<ValidatedBuffer>> buffers{}; // buffers bound to it
 };
 
 // Handles of destroyed micromaps and structures that no new object has. Beyond kMost, all are forgotten.

@@ -112,7 +112,7 @@ public:
     void fenceComplete(uint64_t fence);
     void forgetFence(uint64_t fence);
     void hostSignal(uint64_t semaphore, uint64_t value);
-    void undoHostSignal(uint64_t semaphore, uint64_t value); // that failed
+    void undoHostSignal(uint64_t semaphore, uint64_t value); // after the driver's command failed
     void semaphoreReached(uint64_t semaphore, uint64_t value);
     void forgetSemaphore(uint64_t semaphore);
     void queueIdle(QueueKey queue);
@@ -190,7 +190,7 @@ private:
     mutable std::mutex mutex_;
     std::unordered_map<QueueKey, size_t> indices_;
     std::vector<Queue> queues_;
-    Clock complete_; // as the host knows
+    Clock complete_; // known to the host
     std::unordered_map<uint64_t, Entries> memory_;
     size_t entries_ = 0, sweepAt_ = 4096;
     std::unordered_map<uint64_t, Clock> binary_;                       // signaled semaphores

@@ -51,7 +51,7 @@ private:
 
 // A place where the shader of a pipeline or a shader object traces rays in a structure of a descriptor.
 struct TracingSite {
-    std::shared_ptr<const TraceMark> mark; // that of a library is also of the pipelines made of it; null: it has none
+    std::shared_ptr<const TraceMark> mark; // a library's mark is also that of pipelines made of it; null: no mark
     spirv::StructureBinding binding;
 };
 
@@ -144,7 +144,7 @@ private:
 
     std::atomic<bool> any_ = false; // read without the mutex
     std::mutex mutex_;
-    std::vector<Traced> traced_; // whose instances are not known yet
+    std::vector<Traced> traced_; // traces whose instances are not known yet
 };
 
 // The check of what rays meet, a part of the check `gpu`.
@@ -153,7 +153,7 @@ struct DeviceTraces {
     TraceMarks marks{};
     TracedStructures traced{};
     std::atomic<bool> deserializes = false;                                            // a structure was deserialized
-    HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> modules{}; // that trace rays
+    HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> modules{}; // modules that trace rays
     HandleMap<VkPipeline, std::shared_ptr<const TracingCode>> pipelines{};
     HandleMap<VkShaderEXT, std::shared_ptr<const TracingCode>> shaders{};
     HandleMap<VkPipeline, VkFlags64> libraries{}; // flags of pipeline libraries
