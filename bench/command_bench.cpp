@@ -102,7 +102,7 @@ std::vector<Times> measure(const CommandCase &command, const std::vector<std::un
                     const double time = command.available(*sides[i]) ? recorders[i]->measure(command, calls) : 0;
                     if (i == 0)
                         first = time;
-                    if (r >= 2) // what comes first fills caches
+                    if (r >= 2) // the first rounds fill caches
                         own[i].push_back(i == 0 ? time : time - first);
                 }
             }

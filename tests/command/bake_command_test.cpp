@@ -457,8 +457,8 @@ bool isTemporary(const std::string &name)
 }
 
 struct Interrupted {
-    int calls = 0;             // that change files
-    size_t temporaryFiles = 0; // that were left, each time the process was killed
+    int calls = 0;             // calls that change files
+    size_t temporaryFiles = 0; // files left each time the process was killed
 };
 
 // Bakes `in` to `out`, in a folder that `prepare` fills, and interrupts that by each signal at each call that changes

@@ -13,7 +13,7 @@ namespace vellum::test
 
 struct Outcome {
     int exitCode = -1; // -1: ended by a signal
-    int signal = 0;    // that one
+    int signal = 0;    // the signal's number
     std::string output;
     std::string errors;
 

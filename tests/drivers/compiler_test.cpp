@@ -43,7 +43,7 @@ namespace
 namespace fs = std::filesystem;
 
 struct Device {
-    const char *name; // as useGpu knows it
+    const char *name; // the name for useGpu
     bool emulated;    // it has nothing to trace rays with
     vt::Api api = vt::Api::Ext;
 };
@@ -246,7 +246,7 @@ TEST_P(Compiler, ShadersOfTheRenderer)
 TEST_P(CompilerModules, ShadersOfTheRewritersTests)
 {
     for (const ModuleFile &module : modulesIn(fs::path(VELLUM_TEST_BUILD) / "tests/spirv")) {
-        if (module.name.starts_with("short_attributes")) // which the layer rejects, as its test says
+        if (module.name.starts_with("short_attributes")) // the layer rejects it, as its test shows
             continue;
         // RADV crashes on its arrays of arrays, without the layer as well.
         if (module.name.starts_with("kept_flags") && driverOf(GetParam().name) == Driver::Radv)

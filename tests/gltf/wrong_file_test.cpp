@@ -89,7 +89,7 @@ std::string errorOf(const Replacements &replacements)
 
 struct Wrong {
     Replacements replacements;
-    std::string error; // what the line begins with
+    std::string error; // the beginning of the line
 };
 
 void expectErrors(const std::vector<Wrong> &files)

@@ -141,7 +141,7 @@ TEST(LibraryGltf, ReadsWhatItBaked)
     EXPECT_EQ(info.primitiveCount, 1u);
 
     const StoredMicromaps stored = readMicromaps(Document(card.folder / "card.omm.glb"));
-    Micromap whole; // as one that a build reads
+    Micromap whole; // the micromap that a build reads
     whole.triangles = stored.micromaps.at(0).triangles;
     whole.data = stored.micromaps.at(0).data;
     whole.indices = stored.primitives.at({0, 0}).indices;
@@ -214,7 +214,7 @@ TEST(LibraryGltf, SkipsBlendByDefault)
     ASSERT_EQ(card.bake(), VELLUM_SUCCESS);
     EXPECT_TRUE(card.notes.empty());
     const Bytes without = readFile(card.folder / "card.omm.glb");
-    card.more.blendCutoff = 2; // which no alpha reaches
+    card.more.blendCutoff = 2; // above every alpha
     ASSERT_EQ(card.bake(), VELLUM_SUCCESS);
     EXPECT_EQ(readFile(card.folder / "card.omm.glb"), without) << "a cutoff that was not requested";
     card.more.flags |= VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT;

@@ -41,7 +41,7 @@ std::vector<OraclePoint<N>> cornersOf(const AlphaTexture &texture, const Triangl
 
 struct Tally {
     size_t all = 0;
-    size_t mixed = 0;    // as they should be
+    size_t mixed = 0;    // correct
     size_t wrong = 0;    // claims that the oracle contradicts
     size_t needless = 0; // unknown states that it does not find mixed
 };

@@ -247,7 +247,7 @@ std::vector<Sequence> queueSequences()
          {end(1, {timeline(1)}), begin(1), build(kA), end(1, {timeline(2)}),
           host([](Tracker &t) { t.semaphoreReached(11, 1); }), begin(2), build(kA, 2)},
          {kWaw}},
-        {"FailedHostSignal", // what the wait is for is unknown again
+        {"FailedHostSignal", // the target of the wait is unknown again
          {build(kA), host([](Tracker &t) {
               t.hostSignal(11, 1);
               t.undoHostSignal(11, 1);

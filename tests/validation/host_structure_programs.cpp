@@ -14,7 +14,7 @@ struct Attachments {
         vkInit<VkAccelerationStructureTrianglesOpacityMicromapEXT>({.indexType = VK_INDEX_TYPE_NONE_KHR});
     VkAccelerationStructureTrianglesOpacityMicromapKHR khr =
         vkInit<VkAccelerationStructureTrianglesOpacityMicromapKHR>({.indexType = VK_INDEX_TYPE_NONE_KHR});
-    MicromapHandle micromap; // that was built
+    MicromapHandle micromap; // already built
     std::array<uint32_t, 1> indices{};
 };
 

@@ -27,14 +27,14 @@ enum ProgramNeeds : unsigned {
     kNeedsMaintenance5 = 128,    // VkPipelineCreateFlags2CreateInfo
     kNeedsShaderObjects = 256,   // VK_EXT_shader_object
     kNeedsTransferQueue = 512,   // queue family 3 is for transfers only: the mock driver's quirk "queues"
-    kNeedsVendorCommands = 2048, // that the spy plays, as with kNeedsMarkers
+    kNeedsVendorCommands = 2048, // commands that the spy provides, as with kNeedsMarkers
     kNeedsEmulation = 4096,      // only emulation writes what the program changes
     kNeedsPlainShaders = 1024, // shaders get no execution mode by themselves; flags in VkPipelineCreateFlags2CreateInfo
 };
 
 struct WrongProgram {
     const char *rule; // VUID of the rule that it breaks
-    Api api;          // which extension it uses
+    Api api;          // the extension that it uses
     unsigned needs;   // ProgramNeeds
     void (*run)(Gpu &gpu, bool wrong);
     const char *variant = ""; // of several programs for one rule

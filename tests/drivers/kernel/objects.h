@@ -11,7 +11,7 @@
 namespace vellum::test::kernel
 {
 
-constexpr u32 kPageSize = 0x10000; // as large as any GPU here wants it
+constexpr u32 kPageSize = 0x10000; // the largest page size of the simulated GPUs
 
 class Objects
 {

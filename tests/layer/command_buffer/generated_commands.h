@@ -192,7 +192,7 @@ public:
         VkPipelineLayout layout = VK_NULL_HANDLE;
         VkShaderStageFlags stages = 0;
         const ExecutionSet *set = nullptr;    // the sequences begin with an index into it: shader objects, pipelines
-        bool shaderObjects = false;           // what the set has
+        bool shaderObjects = false;           // contents of the set
         VkPipeline pipeline = VK_NULL_HANDLE; // without a set
         const void *shaderInfo = nullptr;     // of bound shader objects, without either
         VkPushConstantRange push{};           // of a size: what comes next

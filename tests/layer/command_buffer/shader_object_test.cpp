@@ -121,7 +121,7 @@ TEST_F(ShaderObject, BinariesFitOnlyWhereTheTablesAre)
     }
 
     constexpr auto incompatible = static_cast<VkResult>(1000482000); // VK_INCOMPATIBLE_SHADER_BINARY_EXT
-    bytes[20] ^= 1;                                                  // as another device's would differ
+    bytes[20] ^= 1;                                                  // differs as with another device
     EXPECT_EQ(create(gpu().device(), 1, &info, nullptr, &shader), incompatible);
     EXPECT_EQ(shader, 0u);
     info.codeSize = 7;

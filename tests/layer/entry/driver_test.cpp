@@ -63,7 +63,7 @@ void nameMicromap(Api api)
             {.objectType = kind, .objectHandle = handle, .tagSize = 1, .pTag = "x"});
         function(PFN_vkSetDebugUtilsObjectTagEXT{}, "vkSetDebugUtilsObjectTagEXT")(gpu.device(), &tag);
         auto marker = vkInit<VkDebugMarkerObjectNameInfoEXT>();
-        marker.objectType = static_cast<VkDebugReportObjectTypeEXT>(kind); // the same numbers
+        marker.objectType = static_cast<VkDebugReportObjectTypeEXT>(kind); // both enumerations have the same values
         marker.object = handle;
         marker.pObjectName = "leaves";
         function(PFN_vkDebugMarkerSetObjectNameEXT{}, "vkDebugMarkerSetObjectNameEXT")(gpu.device(), &marker);

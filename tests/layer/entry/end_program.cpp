@@ -133,7 +133,7 @@ int main(int argc, char **argv)
         return 0;
     }
     VkDevice device = makeDevice(loader, instance);
-    static Threads threads(count, loader, instance, device); // which may outlive main()
+    static Threads threads(count, loader, instance, device); // may outlive main()
     if (way == "exit")
         return 0;
     if (way == "_exit")

@@ -102,9 +102,9 @@ protected:
         });
     }
 
-    std::function<bool()> isRight_; // what was made then
+    std::function<bool()> isRight_; // checks the created object
     std::string lastText_;          // of the layer's messages
-    bool hasOtherPath_ = false;     // that need not be reported: the smaller allocation, a shader for any driver
+    bool hasOtherPath_ = false; // with a fallback that is not reported: a smaller allocation, a shader for any driver
 };
 
 // Its ray flags come from a buffer, so the layer probes the driver with a ray.
@@ -126,7 +126,7 @@ TEST_F(Failures, ShaderModule)
 TEST_F(Failures, RayTracingPipeline)
 {
     for (const uint32_t count : {1u, 2u}) {
-        hasOtherPath_ = count > 1; // those of one call are made one by one where one cannot be made
+        hasOtherPath_ = count > 1; // objects of one call are created one by one if one fails
         const auto make = [&](Device &, const PipelineSetup &setup) {
             const PipelineInfo info(gpu(), setup);
             const std::vector<VkRayTracingPipelineCreateInfoKHR> infos(count, info.get());

@@ -76,7 +76,7 @@ struct Context {
     bool update;
     VkBuildAccelerationStructureFlagsKHR flags;
     std::vector<Attachment> attachments; // of the geometries that have one
-    std::vector<Attachment> given;       // the same before they are changed
+    std::vector<Attachment> given;       // before the changes
     std::vector<uint32_t> empty;         // geometries without triangles
 };
 

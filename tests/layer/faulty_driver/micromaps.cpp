@@ -171,7 +171,7 @@ void lossyByContent(MicromapTriangle &triangle, const MicromapTriangles &)
 }
 
 std::mutex devicesMutex;
-std::vector<void *> devices; // those that have built a micromap, by key
+std::vector<void *> devices; // devices that have built a micromap, by key
 
 // True if another device built a micromap before this one did.
 bool isSecond(void *key)

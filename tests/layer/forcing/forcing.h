@@ -122,7 +122,7 @@ private:
     std::vector<Indices> indices_[2];
 };
 
-struct Pipelines; // what a deferred operation reads, shaders.cpp
+struct Pipelines; // read by a deferred operation, shaders.cpp
 
 struct Device {
     Device();

@@ -277,7 +277,7 @@ public:
     void TearDown() override
     {
         for (const auto &[options, gpu] : gpus_)
-            gpu->takeMessages(); // those that tests with devices of their own provoked
+            gpu->takeMessages(); // caused by tests with devices of their own
         gpus_.clear();
     }
 

@@ -100,7 +100,7 @@ private:
     std::atomic<size_t> intersectionWarnings_ = 0;
 };
 
-class LayerEnvironment; // what layers read when an instance is created
+class LayerEnvironment; // variables that layers read when an instance is created
 
 class Gpu : public Messages, public Device
 {

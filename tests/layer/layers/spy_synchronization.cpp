@@ -197,7 +197,7 @@ VKAPI_ATTR void VKAPI_CALL cmdUpdateBuffer(VkCommandBuffer handle, VkBuffer buff
         updates[handle].transferred = true;
         waits = updates[handle].waits;
     }
-    constexpr VkDeviceSize descriptor = 32; // what the layer writes; the tests write other sizes
+    constexpr VkDeviceSize descriptor = 32; // the layer's size; the tests write other sizes
     if (size == descriptor && !waits)
         report("vkCmdUpdateBuffer: not ordered after builds before it");
     SPY_NEXT(vkCmdUpdateBuffer)(handle, buffer, offset, size, data);

@@ -27,8 +27,8 @@ struct Handle {
     VkAccelerationStructureTypeKHR type{};
 };
 struct Content {
-    VkDeviceSize bytes = 0;   // that lavapipe has written
-    VkDeviceSize claimed = 0; // that are the driver's
+    VkDeviceSize bytes = 0;   // written by lavapipe
+    VkDeviceSize claimed = 0; // reported by the driver
 };
 struct ExactSizeHandle { // a handle of lavapipe's, of just that many bytes
     Key place;

@@ -258,7 +258,7 @@ TEST_F(Lossy, CompactionSaves)
     lossless.build();
     Micromap lossy(gpu(), input, kAllow | kLossy);
     lossy.build();
-    EXPECT_EQ(lossy.size(), lossless.size()); // as large as the usage counts say
+    EXPECT_EQ(lossy.size(), lossless.size()); // as large as the usage counts require
     const VkDeviceSize bytes = compactedSize(lossy);
     EXPECT_LT(2 * bytes, compactedSize(lossless));
     const Micromap compacted(gpu(), lossy, bytes);

@@ -87,7 +87,7 @@ protected:
             expectRejected(rule);
         }
         build(odd.info);
-        expectRejected(rule); // that is, reported
+        expectRejected(rule); // reported
         std::vector<int> seen = tracedMicromap(target);
         seen.resize(expected.size());
         EXPECT_EQ(seen, expected);

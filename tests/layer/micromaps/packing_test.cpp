@@ -116,7 +116,7 @@ TEST_F(Packing, BytesInUseMustNotOverlap)
     // The last one is also too small, and part of the source.
     for (const MicromapHandle &target : {place(0), place(512), place(512, 256)}) {
         copy(first, target);
-        gpu().submit([](VkCommandBuffer) {}); // what shaders found wrong is reported with the next commands
+        gpu().submit([](VkCommandBuffer) {}); // findings of shaders are reported with the next commands
         const auto messages = gpu().takeUnexpectedMessages();
         ASSERT_EQ(messages.size(), 1u);
         EXPECT_EQ(messages[0].id, "VELLUM-micromap-copy-overlap");

@@ -38,7 +38,7 @@ public:
         // garbage for IncomingRayFlags where the pipeline has no hit group.
         bool missFlags = true;
         bool constantFlags = false; // of all rays of the pipeline: intersection shaders see them, whatever the driver
-        uint32_t firstRecord = 0;   // what the trace adds to the scene's record indices
+        uint32_t firstRecord = 0;   // added to the scene's record indices by the trace
         uint32_t firstData = 100;   // data of the table's record 0
     };
     struct Config {

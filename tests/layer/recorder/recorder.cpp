@@ -25,7 +25,7 @@ using driver::Row;
 
 constexpr Level kLevel = Level::Recorder;
 constexpr size_t kMostValues = 1000;   // of a member
-constexpr uint64_t kMostElements = 64; // that are read of an array in device memory
+constexpr uint64_t kMostElements = 64; // elements read of an array in device memory
 
 std::mutex mutex; // of all that follows
 std::string label = "none";

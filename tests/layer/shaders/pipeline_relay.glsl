@@ -21,7 +21,7 @@ struct Step {
     uint flagsAfter;
     uint candidates;
     uint bad;      // any-hit shaders that read wrong ray flags or payload
-    uint callable; // what the callable shaders returned
+    uint callable; // returned by the callable shaders
     float t;
     uint below; // steps after this one, counted through the payloads
     uint queryCandidates;

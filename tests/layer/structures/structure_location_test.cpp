@@ -85,7 +85,7 @@ TEST_F(StructureLocations, DamagedDataIntoALargeHandle)
     const auto loaded = toTheEnd(256);
     deserialize(gpu(), data, *loaded);
     EXPECT_EQ(seenOf(gpu(), *loaded), std::vector<std::string>(Patchwork::rays().size()));
-    gpu().submit([](VkCommandBuffer) {}); // what shaders found wrong is reported with the next commands
+    gpu().submit([](VkCommandBuffer) {}); // findings of shaders are reported with the next commands
     const auto messages = gpu().takeUnexpectedMessages();
     ASSERT_EQ(messages.size(), 1u);
     EXPECT_EQ(messages[0].id, "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960");

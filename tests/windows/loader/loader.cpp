@@ -36,7 +36,7 @@ namespace
 struct Layer {
     PFN_vkGetInstanceProcAddr getInstance;
     PFN_vkGetDeviceProcAddr getDevice;
-    std::vector<VkExtensionProperties> deviceExtensions; // which it provides
+    std::vector<VkExtensionProperties> deviceExtensions; // provided by the layer
 };
 
 // The commands that a handle begins with; they must come first.
