@@ -24,7 +24,7 @@ double processorMilliseconds(const std::function<void()> &work)
     return 1e3 * (bench::processorSeconds() - begin);
 }
 
-// One triangle, so that next to nothing is the scene's.
+// One triangle, so that the scene takes almost no time.
 render::RenderScene smallestScene()
 {
     Scene scene;

@@ -204,7 +204,7 @@ int main(int argc, char **argv)
             ->check(CLI::IsMember(options.parts).description(""))
             ->type_name("queries|pipelines|creation|apis ...");
         std::string api = "khr";
-        app.add_option("-a,--api", api, "What micromaps are made with, but for the part apis")
+        app.add_option("-a,--api", api, "The extension for micromaps, except in the part apis")
             ->capture_default_str()
             ->check(CLI::IsMember(cli::micromapApis()).description(""))
             ->type_name("khr|ext");

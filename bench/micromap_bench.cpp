@@ -42,7 +42,7 @@ double seconds(const std::function<void()> &work)
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
-// As many triangles of a level as take about that many bytes; no two have the same data. `unaligned`: behind one of
+// As many triangles of a level as fill about that many bytes; no two have the same data. `unaligned`: after one of
 // level 0.
 Micromap inputOf(uint32_t level, Format format, size_t bytes, bool unaligned)
 {
@@ -72,7 +72,7 @@ VkDeviceSize bytesOf(const Micromap &input)
     return input.data.size() + std::as_bytes(std::span(input.triangles)).size();
 }
 
-// One micromap and what it is built from.
+// One micromap and its inputs.
 class Build
 {
 public:

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// vellum-gpu-bake-bench: the baker on the GPU beside the one on the CPU, on the triangles and texture of
-// vellum-bake-bench. On a driver that is the CPU itself (lavapipe), compare seconds of work; on others, the time that
-// passes. The exit status is 1 if they contradict each other.
+// vellum-gpu-bake-bench: the baker on the GPU compared with the one on the CPU, on the triangles and texture of
+// vellum-bake-bench. On a driver that runs on the CPU (lavapipe), compare CPU time; on others, elapsed time. The exit
+// status is 1 if they contradict each other.
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 

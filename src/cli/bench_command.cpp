@@ -42,7 +42,7 @@ Found foundBy(const PartResult &result)
     return found;
 }
 
-// Who implements micromaps for the device, and which extension is used.
+// Who implements micromaps for the device, and by which extension.
 struct Implementation {
     const char *setting; // of the layer
     gpu::Api api;
@@ -82,7 +82,7 @@ class Run
 public:
     explicit Run(const BenchOptions &options) : options_(options) {}
 
-    // Which implementations there are.
+    // The implementations that exist for the device.
     std::vector<Implementation> findImplementations()
     {
         std::vector<Implementation> implementations;

@@ -123,7 +123,7 @@ void writePicture(const std::filesystem::path &path, const Picture &picture, std
     std::fflush(stdout); // timing may follow
 }
 
-// With its labels where the file is an SVG.
+// Adds the labels if the file is an SVG.
 void writeLabelled(const std::filesystem::path &path, const LabelledPicture &labelled, std::optional<DataOutput> &data)
 {
     if (suffixOf(path) == ".png" || isStandardStream(path))
@@ -333,7 +333,7 @@ int renderHeat(const RenderOptions &options, const gpu::DeviceInfo &info, const 
     return 0;
 }
 
-// With the file's micromaps, if they are wanted.
+// A scene, with the file's micromaps if they are used.
 struct Loaded {
     Scene scene;
     StoredMicromaps stored;

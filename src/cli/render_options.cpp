@@ -76,7 +76,7 @@ struct RawOptions {
     std::string level = "auto";
     std::string states = "4";
     bool noLayer = false;
-    std::vector<CLI::Option *> bakes; // those that ask for new micromaps
+    std::vector<CLI::Option *> bakes; // options that request new micromaps
 };
 
 void declareFiles(CLI::App &command, RenderOptions &options, RawOptions &raw)
@@ -165,7 +165,7 @@ void declareDevice(CLI::App &command, RenderOptions &options, RawOptions &raw)
         ->type_name("FOLDER");
 }
 
-// Beside the input, or in the current folder.
+// In the folder of the input, or in the current folder.
 std::filesystem::path standardOutput(const RenderOptions &options)
 {
     const char *suffix = options.mode == Mode::Heat ? ".svg" : ".png";

@@ -334,7 +334,7 @@ void Device::createDevice()
     pipelineProperties_.pNext = nullptr;
     driver_.pNext = nullptr;
     limits_ = properties.properties.limits;
-    // On a CPU driver the host's clock is the device's own, and it includes nothing more.
+    // On a CPU driver, device timestamps are the host's clock.
     timestamps_ =
         families_[family_].timestampValidBits != 0 && properties.properties.deviceType != VK_PHYSICAL_DEVICE_TYPE_CPU;
     scratchAlignment_ = std::max(limits.minAccelerationStructureScratchOffsetAlignment, 1u);

@@ -27,7 +27,7 @@ std::set<std::string> extensionsOf(VkPhysicalDevice device)
     return names;
 }
 
-// Who implements the extensions: the layer reports itself as a tool, with what it does for the device.
+// Who implements the extensions: the layer reports itself as a tool, with its description for the device.
 std::string describeImplementation(VkPhysicalDevice device, uint32_t version)
 {
     uint32_t count = 0;
@@ -68,15 +68,15 @@ DeviceInfo describe(VkPhysicalDevice device)
     auto pipelines = vkInit<VkPhysicalDeviceRayTracingPipelineFeaturesKHR>();
     auto rayQuery = vkInit<VkPhysicalDeviceRayQueryFeaturesKHR>();
     auto features = vkInit<VkPhysicalDeviceFeatures2>();
-    const auto ask = [&](auto &feature, const char *extension) {
+    const auto add = [&](auto &feature, const char *extension) {
         if (extensions.contains(extension))
             feature.pNext = std::exchange(features.pNext, &feature);
     };
-    ask(rayQuery, VK_KHR_RAY_QUERY_EXTENSION_NAME);
-    ask(addressCommands, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
-    ask(khrMicromap, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
-    ask(extMicromap, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
-    ask(pipelines, VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME);
+    add(rayQuery, VK_KHR_RAY_QUERY_EXTENSION_NAME);
+    add(addressCommands, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
+    add(khrMicromap, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
+    add(extMicromap, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+    add(pipelines, VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME);
     vkGetPhysicalDeviceFeatures2(device, &features);
     info.rayQueries = rayQuery.rayQuery == VK_TRUE;
     info.rayTracingPipelines = pipelines.rayTracingPipeline == VK_TRUE;
@@ -136,7 +136,7 @@ void requireMicromaps(const DeviceInfo &device, Api api, bool layer)
 std::vector<DeviceInfo> listDevices(const Instance &instance)
 {
     uint32_t count = 0;
-    // Without any driver some loaders fail here instead of at the instance's creation.
+    // Without a driver, some loaders fail here and not at the creation of the instance.
     if (vkEnumeratePhysicalDevices(instance.handle(), &count, nullptr) != VK_SUCCESS)
         count = 0;
     std::vector<VkPhysicalDevice> handles(count);

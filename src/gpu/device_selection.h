@@ -44,12 +44,12 @@ public:
     DeviceSelection() = default;
     explicit DeviceSelection(std::optional<std::string> text) : text_(std::move(text)) {}
 
-    // Throws std::runtime_error where there is none.
+    // Throws std::runtime_error if no device matches.
     [[nodiscard]] DeviceInfo from(std::span<const DeviceInfo> devices) const;
     [[nodiscard]] DeviceInfo from(const Instance &instance) const { return from(listDevices(instance)); }
-    // Nothing where it does not select by number.
+    // Nothing if it does not select by number.
     [[nodiscard]] std::optional<uint32_t> number() const;
-    // For the command line of another process.
+    // The option for the command line of another process.
     [[nodiscard]] const std::optional<std::string> &text() const { return text_; }
 
 private:

@@ -92,7 +92,7 @@ def reasons():
     return dict(rows)
 
 
-def judged(missing, why):
+def evaluate(missing, why):
     """Findings, and the reason of each that is missing."""
     given = {name: next((reason for pattern, reason in why.items() if fnmatch.fnmatchcase(name, pattern)), None)
              for name in missing}
@@ -164,7 +164,7 @@ def main():
     name_as_on(named, listing)
     values = read(pathlib.Path(recorded)) if recorded else record(build, options)
     everything, missing = gaps(listing, values)
-    findings, given = judged(missing, reasons())
+    findings, given = evaluate(missing, reasons())
     if "--write" in sys.argv:
         page.write_text(page_of(listing, values, given), encoding="utf-8")
     findings += [f"{page.name}: {name} is not listed" for name in everything if name not in named]

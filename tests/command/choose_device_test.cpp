@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which device --device takes, with devices that are made up.
+// The device that --device selects from a list of invented ones.
 #include <gtest/gtest.h>
 
 #include "gpu/device_selection.h"
@@ -29,7 +29,7 @@ DeviceInfo device(const char *name, VkPhysicalDeviceType type, bool tracesRays =
     return info;
 }
 
-// Its number, or the error.
+// The chosen device's number, or the error.
 std::string chosen(const std::vector<DeviceInfo> &list, const std::optional<std::string> &wish)
 {
     try {

@@ -167,7 +167,7 @@ def is_open(row, names):
     return row["where"] == "open" or (row["where"] in CHECKED and not (is_named(row["vuid"], names) and row["test"]))
 
 
-# What the column "without" begins with, by the severity of a row of src/layer/rules.
+# The beginnings that the column "without" may have, by the severity of a row of src/layer/rules.
 BY_SEVERITY = {"Tolerate": ("tolerated",), "Reject": ("rejected",), "Depends": ("tolerated", "rejected")}
 
 
@@ -238,7 +238,7 @@ def table_of_unchecked(rows, names, everywhere):
 
 
 def table_of_messages(rows, items):
-    """Rules that are checked, but for those that have an item."""
+    """Rules that are checked, except those that have an item."""
     listed = {name for _, listed, _, _ in items for name in listed}
     lines = ["| id | part | what is checked | without validation |", "|---|---|---|---|"]
     for row in rows:

@@ -54,7 +54,7 @@ void extUsage(Gpu &gpu, bool wrong)
     recordUnlessWrong(gpu, true, [&](VkCommandBuffer commands) { gpu.vk().CmdBuildMicromapsEXT(commands, 1, &info); });
 }
 
-// One build, whose scratch memory begins inside of what it builds.
+// One build, whose scratch memory begins inside the memory that it builds.
 template <bool isMicromap>
 void scratchInTarget(Gpu &gpu, bool wrong)
 {
@@ -86,7 +86,7 @@ void scratchInTarget(Gpu &gpu, bool wrong)
     }
 }
 
-// Two builds by one command: what the second one shares with the first.
+// Two builds by one command: the memory that the second one shares with the first.
 enum class Shared { Targets, Scratches, TargetAndScratch };
 template <Shared shared>
 void extOverlap(Gpu &gpu, bool wrong)
@@ -295,7 +295,7 @@ void noInstances(Gpu &gpu, bool wrong)
     });
 }
 
-// Without the feature there is no right use.
+// Without the feature there is no valid program.
 void sizesWithoutFeature(Gpu &gpu, bool wrong)
 {
     if (!wrong)

@@ -50,7 +50,7 @@ void overlap(Gpu &gpu, bool wrong)
     });
 }
 
-// What a program with serialized data changes.
+// The members that a program with serialized data changes.
 struct Serialized {
     VkDeviceAddress offset = 0;
     bool null = false;

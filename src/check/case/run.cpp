@@ -5,7 +5,7 @@
 #include "check/case/lossy.h"
 #include "check/case/names.h"
 #include "check/case/trace.h"
-#include "check/oracle/query_judge.h"
+#include "check/oracle/query_fault.h"
 
 namespace vellum::check
 {

@@ -3,7 +3,7 @@
 
 #include "check/case/trace.h"
 #include "check/case/tracing_modules.h"
-#include "check/oracle/pipeline_judge.h"
+#include "check/oracle/pipeline_fault.h"
 #include "gpu/execution_mode.h"
 #include "gpu/programs/pipeline_libraries.h"
 

@@ -75,7 +75,7 @@ void usePipelines(Case &c)
         c.trace.method = TracePlan::Method::Pipeline;
 }
 
-// Whether the device's limits allow the triangle in a micromap of these flags.
+// True if the device's limits allow the triangle in a micromap of these flags.
 bool allowed(const oracle::MicromapTriangle &triangle, VkBuildMicromapFlagsEXT flags, const DeviceLimits &limits)
 {
     if (triangle.format == kTwoState)
@@ -361,7 +361,7 @@ void addSteps(Random &random, Case &c, std::span<const Kind> kinds, uint32_t cou
         if (invalid(c).starts_with("steps["))
             c.steps.pop_back();
     }
-    // In the order in which they are carried out.
+    // In the order of their execution.
     std::ranges::stable_partition(c.steps, [](const Step &step) { return targetOf(step.kind) != Target::Top; });
     allowUpdates(c);
 }

@@ -176,7 +176,7 @@ constexpr Rule<Build> kExtInfo[] = {
      }},
 };
 
-// There is no other mode.
+// Only the build mode BUILD exists.
 Found wrongMode(const Build &c)
 {
     return when(!c.build.isBuild, "it is not VK_BUILD_MICROMAP_MODE_BUILD_EXT");
@@ -238,7 +238,7 @@ constexpr Rule<Build> kKhrInfo[] = {
      }},
 };
 constexpr Rule<Build> kKhrBuild[] = {
-    // The layer builds a micromap all the same.
+    // The layer builds a micromap nevertheless.
     {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557", Tolerate, "type",
      [](const Build &c) { return when(c.build.indirect, "a micromap cannot be built indirectly"); }},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-mode-11545", Tolerate, "mode",
@@ -547,7 +547,7 @@ constexpr Rule<Structure> kStructure[] = {
          });
      }},
 };
-// Not of indirect builds.
+// Rules of direct builds only.
 constexpr Rule<Structure> kDirectStructure[] = {
     {"VUID-vkCmdBuildAccelerationStructuresKHR-mode-04628", Report, "mode",
      [](const Structure &c) {
@@ -604,7 +604,7 @@ Found unneededIndices(const Attached &c)
     return when(!c.indexed() && c.attachment.indexBuffer.deviceAddress != 0,
                 "it is not null, although indexType is VK_INDEX_TYPE_NONE_KHR");
 }
-// Null is no buffer, and a geometry without triangles reads none.
+// Null is not a buffer, and a geometry without triangles reads none.
 Found noIndices(const Attached &c)
 {
     const VkDeviceAddress indices = c.attachment.indexBuffer.deviceAddress;
@@ -648,7 +648,7 @@ Found wrongCounts(const Attached &c, uint64_t least, uint64_t most)
                std::to_string(most) + " of the geometry have an index into the micromap";
     });
 }
-// At most all triangles have one. How many have, only the device knows: the check `gpu` counts them.
+// All triangles at most have one. Only the device knows how many do: the check `gpu` counts them.
 Found wrongDeviceCounts(const Attached &c)
 {
     return c.ranges.given() ? wrongCounts(c, 0, c.attachment.micromap ? c.ranges.primitives(c.geometry) : 0) : Found{};

@@ -11,7 +11,7 @@ namespace vellum::layer
 struct AccelerationStructure;
 struct DeviceStructures;
 
-// Whether the driver is one of these, and the handle's range may include other data: it is GENERIC, or another
+// Returns whether the driver is one of these, and the handle's range may include other data: it is GENERIC, or another
 // structure begins in it.
 bool reachesOver(const DeviceStructures &device, const AccelerationStructure &structure);
 

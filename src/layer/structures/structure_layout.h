@@ -26,23 +26,23 @@ VkDeviceSize bottomLevelTailBytes(const StructureBuild &build, const uint32_t *p
 // Alignment of the instances that the driver builds from, which follow its scratch memory.
 inline constexpr VkDeviceSize kPatchedAlignment = 64;
 
-// Of copies, which are builds: the source may have the flag, which only the device knows.
+// The flags of copies, which are builds: the source may have the flag, which only the device knows.
 inline constexpr VkBuildAccelerationStructureFlagsKHR kTopLevelCopyFlags =
     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
 
 // The layout of a top-level structure for builds of up to `count` instances with some flags, and for copies. Sizes do
-// not decrease with more instances. The constructor asks the driver for sizes, at most twice.
+// not decrease with more instances. The constructor queries the driver's sizes, at most twice.
 struct TopLevelLayout {
     TopLevelLayout(const Driver &driver, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count);
 
     uint32_t count;
-    VkDeviceSize driverScratch = 0; // that the driver needs, before the instances that it builds from
+    VkDeviceSize driverScratch = 0; // scratch memory of the driver, before the instances that it builds from
     VkDeviceSize tailOffset = 0;    // of the instances that are kept, after the driver's part
     [[nodiscard]] VkDeviceSize bytes() const
     {
         return tailOffset + VkDeviceSize{count} * sizeof(VkAccelerationStructureInstanceKHR);
     }
-    // As queries report them: shared::kTopLevelSizeMark.
+    // The size that queries report: shared::kTopLevelSizeMark.
     [[nodiscard]] VkDeviceSize reportedBytes() const
     {
         return alignUp(bytes() + kPartAlignment - shared::kTopLevelSizeMark, kPartAlignment) - kPartAlignment +

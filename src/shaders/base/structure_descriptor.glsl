@@ -48,8 +48,8 @@ void storeDescriptor(uvec2 address, Descriptor descriptor)
 // Words that the host may change, two at a time, while shaders read them.
 layout(buffer_reference, std430, buffer_reference_align = 4) readonly volatile buffer ChangingWords { uint w[]; };
 
-// Two words that the host writes at once. The shader reads one after the other, and repeats this until it reads the same
-// pair twice: the pair never returns to an earlier value.
+// Two words that the host writes at once. The shader reads one after the other, and repeats this until it reads the
+// same pair twice: the pair never returns to an earlier value.
 uvec2 changingPair(uvec2 words, uint at)
 {
     ChangingWords c = ChangingWords(words);

@@ -80,15 +80,16 @@ void expectScratch(const char *command, uint32_t count, const VkAccelerationStru
 {
     for (const auto &info : std::span(infos, count)) {
         if (info.scratchData.deviceAddress % kScratchAlignment != 0)
-            tell(std::string(command) + ": VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710: scratch memory at " +
-                 std::to_string(info.scratchData.deviceAddress));
+            report(std::string(command) +
+                   ": VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710: scratch memory at " +
+                   std::to_string(info.scratchData.deviceAddress));
         if (info.geometryCount > 0 &&
             (info.pGeometries != nullptr ? info.pGeometries[0] : *info.ppGeometries[0]).geometryType ==
                 VK_GEOMETRY_TYPE_INSTANCES_KHR) {
             const auto &instances =
                 (info.pGeometries != nullptr ? info.pGeometries[0] : *info.ppGeometries[0]).geometry.instances;
             if (instances.data.deviceAddress % (instances.arrayOfPointers ? 8 : 16) != 0)
-                tell(std::string(command) + ": VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03715");
+                report(std::string(command) + ": VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03715");
         }
     }
 }
@@ -120,10 +121,11 @@ void expectTable(void *key, const char *command, const char *which, const VkStri
         return;
     const std::string where = std::string(command) + ": " + which;
     if (region.deviceAddress % kTableAlignment != 0)
-        tell(where + " table at " + std::to_string(region.deviceAddress) +
-             ", VUID-vkCmdTraceRaysKHR-pRayGenShaderBindingTable-03682 or its like");
+        report(where + " table at " + std::to_string(region.deviceAddress) +
+               ", VUID-vkCmdTraceRaysKHR-pRayGenShaderBindingTable-03682 or its like");
     if (region.stride % kHandleAlignment != 0 || region.stride > kMostStride)
-        tell(where + " stride " + std::to_string(region.stride) + ", VUID-vkCmdTraceRaysKHR-stride-03686 or its like");
+        report(where + " stride " + std::to_string(region.stride) +
+               ", VUID-vkCmdTraceRaysKHR-stride-03686 or its like");
 }
 
 void expectTables(void *key, const char *command, const VkStridedDeviceAddressRegionKHR *raygen,
@@ -213,7 +215,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelin
         const uint32_t invocations =
             code != nullptr ? invocationsIn(code->pCode, code->codeSize) : invocationsOf[info.stage.module];
         if (computesLittle(keyOf(handle)) && invocations > kInvocations)
-            tell("vkCreateComputePipelines: VUID-RuntimeSpirv-x-06432: a workgroup of " + std::to_string(invocations));
+            report("vkCreateComputePipelines: VUID-RuntimeSpirv-x-06432: a workgroup of " +
+                   std::to_string(invocations));
     }
     return DRIVER_NEXT(vkCreateComputePipelines)(handle, cache, count, infos, allocator, pipelines);
 }
@@ -221,7 +224,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelin
 VKAPI_ATTR void VKAPI_CALL cmdDispatch(VkCommandBuffer handle, uint32_t x, uint32_t y, uint32_t z)
 {
     if (computesLittle(keyOf(handle)) && std::max({x, y, z}) > kGroups)
-        tell("VUID-vkCmdDispatch-groupCountX-00386 or its like: " + std::to_string(std::max({x, y, z})));
+        report("VUID-vkCmdDispatch-groupCountX-00386 or its like: " + std::to_string(std::max({x, y, z})));
     DRIVER_NEXT(vkCmdDispatch)(handle, x, y, z);
 }
 
@@ -232,8 +235,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createPipelineLayout(VkDevice handle, const VkPip
 {
     for (const VkPushConstantRange &range : std::span(info->pPushConstantRanges, info->pushConstantRangeCount)) {
         if (pushesLittle(keyOf(handle)) && range.offset + range.size > kPushBytes)
-            tell("vkCreatePipelineLayout: VUID-VkPushConstantRange-size-00298: up to byte " +
-                 std::to_string(range.offset + range.size));
+            report("vkCreatePipelineLayout: VUID-VkPushConstantRange-size-00298: up to byte " +
+                   std::to_string(range.offset + range.size));
     }
     return DRIVER_NEXT(vkCreatePipelineLayout)(handle, info, allocator, layout);
 }
@@ -242,7 +245,7 @@ VKAPI_ATTR void VKAPI_CALL cmdPushConstants(VkCommandBuffer handle, VkPipelineLa
                                             uint32_t offset, uint32_t size, const void *data)
 {
     if (pushesLittle(keyOf(handle)) && offset + size > kPushBytes)
-        tell("VUID-vkCmdPushConstants-size-00371: up to byte " + std::to_string(offset + size));
+        report("VUID-vkCmdPushConstants-size-00371: up to byte " + std::to_string(offset + size));
     DRIVER_NEXT(vkCmdPushConstants)(handle, layout, stages, offset, size, data);
 }
 

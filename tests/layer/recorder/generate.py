@@ -24,7 +24,7 @@ CORE_VALUES = {"VkIndexType": re.compile(r"VK_INDEX_TYPE_(?!NONE_NV)"),
                "VkQueryResultFlagBits": re.compile(r"VK_QUERY_RESULT_\w+_BIT$")}
 # Values that older headers lack.
 NEWER = {"VkBuildAccelerationStructureFlagBitsKHR": {"VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DATA_ACCESS_BIT_KHR": 0x800}}
-# What the device fills in.
+# Structures that the device fills in.
 OUTPUT = re.compile(r"Properties(KHR|EXT)$|Features(KHR|EXT)$|SizesInfo(KHR|EXT)$")
 COUNT_OF = {"pGeometries": "geometryCount", "ppGeometries": "geometryCount", "pUsageCounts": "usageCountsCount",
             "ppUsageCounts": "usageCountsCount", "pStages": "stageCount", "pGroups": "groupCount", "pInfos": "infoCount",
