@@ -11,7 +11,7 @@
 namespace vellum::bench
 {
 
-// Both of an instance with the layer, each with its extension enabled.
+// Both are of an instance with the layer; each has its extension enabled.
 struct ApiDevices {
     gpu::Device &khr;
     gpu::Device &ext;

@@ -79,7 +79,7 @@ struct Times {
     double median = 0, worst = 0;
 };
 
-// By side. Of the first its own times; of the others what they take more than the first right before them.
+// By side. For the first, its own times; for the others, the additional time over the first right before them.
 std::vector<Times> measure(const CommandCase &command, const std::vector<std::unique_ptr<CommandSide>> &sides,
                            const BenchOptions &options)
 {
@@ -102,7 +102,7 @@ std::vector<Times> measure(const CommandCase &command, const std::vector<std::un
                     const double time = command.available(*sides[i]) ? recorders[i]->measure(command, calls) : 0;
                     if (i == 0)
                         first = time;
-                    if (r >= 2) // what comes first fills caches
+                    if (r >= 2) // the first rounds fill caches
                         own[i].push_back(i == 0 ? time : time - first);
                 }
             }

@@ -260,7 +260,7 @@ void addFrame(std::vector<CommandCase> &cases)
          true});
 }
 
-// By addresses with the layer, by buffers without.
+// The commands by address with the layer, and by buffer without.
 void addAddressCommands(std::vector<CommandCase> &cases)
 {
     constexpr VkAddressCommandFlagsKHR kStorage = VK_ADDRESS_COMMAND_STORAGE_BUFFER_USAGE_BIT_KHR; // of the buffers

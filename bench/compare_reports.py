@@ -7,9 +7,9 @@ of both squares. The medians
 
   agree        if they differ by at most 5 %, and the spread is no wider than that
   differ       if they differ by more than 5 %, and by more than the spread
-  cannot tell  otherwise: the spread is wide. Overlapping it is no agreement; measure again on an idle machine.
+  undecided    otherwise: the spread is wide. Overlapping it is no agreement; measure again on an idle machine.
 
-Prints Markdown; exits with 0 where all agree, 1 where some differ, 2 where none differs and some cannot be told.
+Prints Markdown; exits with 0 where all agree, 1 where some differ, 2 where none differs and some are undecided.
 
 usage: bench/compare_reports.py FIRST.json SECOND.json
 """
@@ -19,7 +19,7 @@ import pathlib
 import sys
 
 LIMIT = 0.05
-AGREE, DIFFER, CANNOT_TELL = "agree", "differ", "cannot tell"
+AGREE, DIFFER, UNDECIDED = "agree", "differ", "undecided"
 
 
 def ratios(path):
@@ -38,14 +38,14 @@ def spread(quartiles):
     return (quartiles[2] - quartiles[0]) / 2 / quartiles[1]
 
 
-def judge(a, b):
+def compare(a, b):
     """The verdict on two ratios, the difference of their medians and their spread together, both relative."""
     if not all(a + b):  # of a device whose clock stands still
-        return CANNOT_TELL, math.nan, math.nan
+        return UNDECIDED, math.nan, math.nan
     difference, both = b[1] / a[1] - 1, math.hypot(spread(a), spread(b))
     if abs(difference) > max(LIMIT, both):
         return DIFFER, difference, both
-    return CANNOT_TELL if both > LIMIT else AGREE, difference, both
+    return UNDECIDED if both > LIMIT else AGREE, difference, both
 
 
 def main():
@@ -58,13 +58,13 @@ def main():
     verdicts = []
     for key, a in first.items():
         b = second[key]
-        verdict, difference, both = judge(a, b)
+        verdict, difference, both = compare(a, b)
         verdicts.append(verdict)
         shown = ["–" if not all(r) else f"{r[1]:.3f} ({r[0]:.3f} to {r[2]:.3f})" for r in (a, b)]
         print(f"| {key[0]} | {key[1]} | {shown[0]} | {shown[1]} | {100 * difference:+.1f} % | {100 * both:.1f} % | {verdict} |")
-    counts = {verdict: verdicts.count(verdict) for verdict in (AGREE, DIFFER, CANNOT_TELL)}
-    print(f"\n{counts[AGREE]} of {len(first)} agree, {counts[DIFFER]} differ, {counts[CANNOT_TELL]} cannot be told.")
-    return 1 if counts[DIFFER] else 2 if counts[CANNOT_TELL] else 0
+    counts = {verdict: verdicts.count(verdict) for verdict in (AGREE, DIFFER, UNDECIDED)}
+    print(f"\n{counts[AGREE]} of {len(first)} agree, {counts[DIFFER]} differ, {counts[UNDECIDED]} undecided.")
+    return 1 if counts[DIFFER] else 2 if counts[UNDECIDED] else 0
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// vellum-lossy-bench: what lossy micromaps save of the bytes of compacted micromaps, and how many more times rays ask
-// the shader. The scenes' micromaps are coarsened by core/lossy.h, which is what a lossy build does bit for bit.
+// vellum-lossy-bench: the share of bytes of compacted micromaps that lossy ones save, and the factor by which rays call
+// the shader more often. The scenes' micromaps are coarsened by core/lossy.h, whose result equals a lossy build's bit
+// for bit.
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 

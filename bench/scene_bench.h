@@ -20,7 +20,7 @@ struct LevelResult {
     double unknown = 0; // share of micro-triangles
     double candidatesPerRay = 0;
     double plainRatio = 0; // frame time omm / alpha
-    double heavyRatio = 0; // the same with 16 more texture reads per candidate
+    double heavyRatio = 0; // with 16 more texture reads per candidate
 };
 
 struct SceneResult {

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# For arm64 Linux, on Debian: its cross compiler, the libraries that `scripts/setup arm64` unpacks, and qemu to run what is
-# built. VELLUM_SYSROOT is their folder.
+# For arm64 Linux, on Debian: its cross compiler, the libraries that `scripts/setup arm64` unpacks, and qemu to run the
+# programs. VELLUM_SYSROOT is their folder.
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_SYSTEM_PROCESSOR aarch64)
 set(CMAKE_C_COMPILER aarch64-linux-gnu-gcc)

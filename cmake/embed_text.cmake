@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # vellum_embed_text(TARGET HEADER <path in the build folder> NAMESPACE <namespace> SOURCES file...)
-# Adds to TARGET a header with a `constexpr std::string_view` for each text file: kPage_<name with _ for what is no letter>, in
-# NAMESPACE. As a script (cmake -P), it writes that header.
+#  Adds to TARGET a header with a `constexpr std::string_view` for each text file: kPage_<name with _ for each character
+#  that is not a letter>, in NAMESPACE.
+# As a script (cmake -P), it writes that header.
 if(CMAKE_SCRIPT_MODE_FILE)
   set(text "#pragma once\n#include <string_view>\nnamespace ${NAMESPACE}\n{\n")
   foreach(source IN LISTS SOURCES)

@@ -43,7 +43,7 @@ insert("${bool} = OpTypeBool" "%consumes_micromaps = OpConstantTrue ${bool}")
 file(WRITE ${OUT}.txt "${text}")
 run(${SPIRV_AS} --target-env spv1.5 ${OUT}.txt -o ${OUT})
 
-# A validator that does not know the capability can only refuse it.
+# A validator that does not know the capability can only reject it.
 file(WRITE ${OUT}.probe "OpCapability ${CAPABILITY}\n")
 execute_process(COMMAND ${SPIRV_AS} ${OUT}.probe -o ${OUT}.probe RESULT_VARIABLE unknown ERROR_QUIET)
 if(unknown EQUAL 0)

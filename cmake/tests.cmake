@@ -84,7 +84,7 @@ if(NOT EXISTS [==[${program}]==])
   add_test([==[${ARG_PREFIX}${TARGET}_NOT_BUILT]==] [==[${TARGET}_NOT_BUILT]==])
 else()
   foreach(source [==[${program}]==] [==[${runner}]==] [==[${script}]==])
-    if(\"\${source}\" IS_NEWER_THAN [==[${listing}]==]) # also where there is no listing yet
+    if(\"\${source}\" IS_NEWER_THAN [==[${listing}]==]) # also if there is no listing yet
       execute_process(COMMAND${command} OUTPUT_VARIABLE tests RESULT_VARIABLE result)
       if(NOT result EQUAL 0)
         message(FATAL_ERROR \"${TARGET} does not list its tests: \${result}\")

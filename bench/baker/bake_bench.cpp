@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// vellum-bake-bench: how fast the baker is, how much it leaves unknown, and what memory it takes; beside other bakers,
-// if their shared libraries are given. Times include the preparation of the texture.
+// vellum-bake-bench: the speed of the baker, the share of unknown states, and its memory, compared with other bakers if
+// their shared libraries are given. Times include the preparation of the texture.
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -161,7 +161,7 @@ void printHeader(const Settings &settings, const std::vector<std::unique_ptr<Riv
     fmt::print("{}\n{}|\n", header, line);
 }
 
-// One bake of one kind and nothing more, for profilers.
+// One bake of one kind only, for profilers.
 void runOnce(const std::string &which, const BakeWork &work, const std::string &level,
              const std::vector<std::unique_ptr<Rival>> &rivals)
 {
@@ -199,7 +199,7 @@ double peakSinceLast()
     return peak;
 }
 
-// In a process of its own, so that nothing that others left lying about is used again.
+// Measures in a new process, which has no memory of earlier bakes to reuse.
 void printMemory(const BakeWork &work, const std::string &level, unsigned threads)
 {
     std::fflush(stdout);

@@ -74,7 +74,7 @@ std::vector<TriangleUvs> scatter(size_t count, uint32_t size)
     Random random(11);
     std::vector<TriangleUvs> triangles(count);
     for (TriangleUvs &uvs : triangles) {
-        // Two edges of such lengths, at an angle that gives the third one such a length.
+        // Two edges with lengths in this range, at an angle that puts the third in it, too.
         double a = 0;
         double b = 0;
         double angle = 0;

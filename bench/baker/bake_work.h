@@ -15,7 +15,7 @@ namespace vellum::bench
 struct BakeMesh {
     uint32_t width = 0;
     uint32_t height = 0;
-    std::vector<uint8_t> alpha; // as it would come from a file
+    std::vector<uint8_t> alpha; // as read from a file
     Wrap wrapU = Wrap::Repeat;
     Wrap wrapV = Wrap::Repeat;
     double cutoff = 0.5;

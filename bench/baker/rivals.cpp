@@ -137,7 +137,7 @@ public:
     }
 
 private:
-    // The structures of its header, as far as they matter here, with the values that a bake like ours needs.
+    // The structures of its header, as far as they matter here, with the values that a comparable bake needs.
     struct Creation {
         int type = 1; // for the CPU
         const void *memoryAndMessages[6] = {};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Other bakers, by the C functions of their shared libraries.
+// Other bakers, called through the C functions of their shared libraries.
 #pragma once
 
 #include <memory>
@@ -22,7 +22,7 @@ class Rival
 {
 public:
     virtual ~Rival() = default;
-    // With these levels for the triangles, on one thread. Throws std::runtime_error.
+    // Bakes with these levels for the triangles, on one thread. Throws std::runtime_error.
     [[nodiscard]] virtual RivalResult bake(const BakeMesh &mesh, const std::vector<uint8_t> &levels) const = 0;
 
     std::string name;

@@ -26,7 +26,7 @@ using vellum::test::Compiled;
 using vellum::test::Driver;
 using vellum::test::Executable;
 
-// A column of the table: a number that the driver tells, by the names that it has there.
+// A column of the table: a number that the driver reports, by its names there.
 enum class Over { Sum, Most, Least }; // of all shaders of a pipeline
 enum class Shown { Plain, Difference, Thousands };
 struct Column {
@@ -47,7 +47,7 @@ const std::vector<Column> &columnsOf(Driver driver)
         {"load groups", Over::Sum, Shown::Difference, {"VMEM Clause", "SMEM Clause"}},
         {"est. latency", Over::Sum, Shown::Thousands, {"Latency"}},
     };
-    // With the names of Mesa 25 and of Mesa 26.
+    // The names in Mesa 25 and in Mesa 26.
     static const std::vector<Column> anv{
         {"instructions", Over::Sum, Shown::Difference, {"Instruction Count", "Instructions"}},
         {"live registers", Over::Most, Shown::Difference, {"Max live registers"}},

@@ -9,7 +9,7 @@ Vellum's (tests/layer/faulty_driver), and prints how many it finds and how soon.
   faults.py --build build/release -- --minutes 10       other options of vellum check
 
 A run ends with the first failing case that fails again with vellum check --replay: the fault is found. It is a flake if all
-pass there. First a run without a fault must find nothing; it also tells how long a run takes on this machine, and so when
+pass there. First a run without a fault must find nothing; it also shows how long a run takes on this machine, and so when
 one with a fault is stopped. How soon a fault is found is stated in seconds, and as the number of the case in the order of
 vellum check --list, which is the same on every machine. --output writes the table as JSON.
 """
@@ -133,9 +133,9 @@ def list_cases(program, words):
     return {name: number for number, name in enumerate(printed.split(), 1)}
 
 
-def limit_of(asked, clean):
+def limit_of(requested, clean):
     """Seconds after which a run is stopped."""
-    return asked or max(LIMIT * clean, LEAST_LIMIT)
+    return requested or max(LIMIT * clean, LEAST_LIMIT)
 
 
 def table(results, numbers, seed):

@@ -80,7 +80,7 @@ def steps_of(options):
 
 
 def wanted(options, results):
-    """Mutants that were built and that the killer has not judged."""
+    """Mutants that were built and that the killer has not been run against."""
     names = report.survivors(results) if options.survivors else results.of_stage("build")
     return [name for name in names
             if results.find(name, "build")["result"] == "built" and not results.find(name, options.killer)]

@@ -40,7 +40,7 @@ class Mutant:
 
 
 class File:
-    """The tokens of one file and what the operators ask about them."""
+    """The tokens of one file and the queries of the operators about them."""
 
     def __init__(self, source, flags):
         self.source = source

@@ -7,13 +7,13 @@ from killers import SURVIVED
 
 
 def read_equivalent(path):
-    """Judged survivors: the mutant's id and why no program can notice it."""
-    judged = {}
+    """Survivors that are equivalent: the id of each mutant and why no program can notice it."""
+    explained = {}
     for line in path.read_text(encoding="utf-8").splitlines():
         if line.strip() and not line.startswith("#"):
             name, why = line.split(maxsplit=1)
-            judged[name] = why
-    return judged
+            explained[name] = why
+    return explained
 
 
 def share(part, whole):
@@ -28,14 +28,14 @@ def table(results, equivalent):
     """Counts of all mutants, then of each killer."""
     builds = results.of_stage("build")
     count = collections.Counter(record["result"] for record in builds.values())
-    judged = {name for name in builds if builds[name]["result"] == "built" and name in equivalent}
+    explained = {name for name in builds if builds[name]["result"] == "built" and name in equivalent}
     run = {name for name, stage in results.records if stage != "build"}
-    alive = [name for name in builds if builds[name]["result"] == "built" and name not in judged and name in run]
+    alive = [name for name in builds if builds[name]["result"] == "built" and name not in explained and name in run]
     seconds = [record["seconds"] for record in builds.values()]
     lines = ["| mutants | |", "|---|--:|", f"| chosen | {len(builds)} |",
              f"| stillborn: do not compile | {count['stillborn']} |",
              f"| equivalent: the same binary | {count['same']} |",
-             f"| equivalent: judged | {len(judged)} |",
+             f"| equivalent: explained | {len(explained)} |",
              f"| counted: a killer was run against them | {len(alive)} |",
              f"| seconds to build one, median | {median(seconds):.1f} |", "",
              "| killer | mutants | killed | share | seconds to kill, median |", "|---|--:|--:|--:|--:|"]
@@ -98,7 +98,7 @@ def report(results, equivalent):
     for name in survivors(results):
         if name not in equivalent:
             lines += ["", f"{name}", "", *change(builds[name])]
-    lines += ["", "## Judged equivalent"]
+    lines += ["", "## Explained as equivalent"]
     for name in survivors(results):
         if name in equivalent:
             lines += ["", f"{name}: {equivalent[name]}", "", *change(builds[name])]

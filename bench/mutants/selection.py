@@ -5,7 +5,7 @@ import math
 
 from operators import collect_flags, mutants_of
 
-# By what is built of them: the layer, or the programs of tests that are linked with what they test.
+# By the programs that are built of them: the layer, or the programs of tests that are linked with the tested code.
 PATTERNS = {}
 # The code that decides hits and makes the data for looking them up.
 PATTERNS["layer"] = [

@@ -6,7 +6,7 @@ set(CMAKE_SYSTEM_PROCESSOR AMD64)
 set(CMAKE_C_COMPILER x86_64-w64-mingw32-gcc-posix)
 set(CMAKE_CXX_COMPILER x86_64-w64-mingw32-g++-posix)
 set(CMAKE_RC_COMPILER x86_64-w64-mingw32-windres)
-# For programs that run during the build; with a prefix of its own, not the user's.
+# For programs that run during the build; with a WINEPREFIX of its own, not the user's.
 set(CMAKE_CROSSCOMPILING_EMULATOR env WINEPREFIX=${CMAKE_BINARY_DIR}/wine WINEDLLOVERRIDES=mscoree,mshtml= wine)
 
 # Libraries of which the headers are enough come from /usr/include, which must not be on the compiler's path as a whole.

@@ -260,7 +260,7 @@ VkDeviceAddress Context::buildStructure(VkAccelerationStructureTypeKHR type,
     submit([&](VkCommandBuffer commands) {
         load<PFN_vkCmdBuildAccelerationStructuresKHR>("vkCmdBuildAccelerationStructuresKHR")(commands, 1, &build,
                                                                                              &ranges);
-        // For the top level that refers to it, and for the rays.
+        // Makes the build visible to the top level that refers to it, and to the rays.
         const VkMemoryBarrier2 barrier{.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER_2,
                                        .srcStageMask = VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR,
                                        .srcAccessMask = VK_ACCESS_2_ACCELERATION_STRUCTURE_WRITE_BIT_KHR,

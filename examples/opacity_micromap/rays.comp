@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One ray per invocation, straight at the card. Counts what becomes of the rays. There are no descriptors: everything is
+// One ray per invocation, straight at the card. Counts the results of the rays. There are no descriptors: everything is
 // at an address in the push constants.
 #version 460
 #extension GL_EXT_ray_query : require

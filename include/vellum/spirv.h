@@ -26,7 +26,7 @@ typedef enum VellumSpirvMode {
     VELLUM_SPIRV_MODE_TRUE = 2,     // a constant: they do
     VELLUM_SPIRV_MODE_CONSTANT = 3, // a specialization constant
     VELLUM_SPIRV_MODE_COMPUTED = 4, // an expression of specialization constants
-    VELLUM_SPIRV_MODE_INVALID = 5   // the operand is no constant of type bool, or there are two different ones
+    VELLUM_SPIRV_MODE_INVALID = 5   // the operand is not a constant of type bool, or there are two different ones
 } VellumSpirvMode;
 
 typedef enum VellumSpirvEdit {

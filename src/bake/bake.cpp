@@ -54,7 +54,7 @@ private:
     void grow();
 
     std::vector<uint64_t> hashes_; // of each micromap triangle
-    std::vector<int32_t> slots_;   // by hash: micromap triangles, -1 where there is none
+    std::vector<int32_t> slots_;   // by hash: micromap triangles, -1 if empty
 };
 
 MicromapAssembly::MicromapAssembly(uint64_t bytes) : slots_(64, -1)
@@ -237,7 +237,7 @@ struct Distinct {
 struct Key {
     uint32_t material;
     uint32_t request;            // level, or none, and format
-    std::array<uint32_t, 6> uvs; // as bits, so that NaNs are equal to themselves
+    std::array<uint32_t, 6> uvs; // bits, so that NaNs are equal to themselves
     bool operator==(const Key &) const = default;
 };
 
@@ -376,7 +376,7 @@ void applyBudget(DistinctTriangles &distinct, const BakeOptions &options, unsign
     }
 }
 
-// Where an input has both, its special indices become micromap triangles of level 0.
+// Where an input has both kinds, its special indices become micromap triangles of level 0.
 void separateSpecialIndices(std::span<const BakeInput> inputs, const BakeOptions &options, MicromapAssembly &assembly)
 {
     size_t first = 0;
@@ -421,16 +421,17 @@ BakeResult bake(std::span<const BakeInput> inputs, const BakeOptions &options)
     MicromapAssembly assembly(std::min(most, options.maxDataBytes));
     std::vector<int32_t> indexOf(distinct.triangles.size());
 
-    // In batches: threads pack the triangles of one into a buffer, in any order; then they become part of the micromap
-    // in their own. The buffer is a part of what the result may become, but not too small to share work.
-    const uint64_t room = std::clamp<uint64_t>(most / 8, 1u << 18, 1u << 26);
+    // In batches: threads pack the triangles of a batch into a buffer, in any order; then the batch is appended to the
+    // micromap in its own order. The buffer is a fraction of the largest possible result, but not too small to share
+    // work.
+    const uint64_t capacity = std::clamp<uint64_t>(most / 8, 1u << 18, 1u << 26);
     std::vector<uint8_t> buffer;
     std::vector<Packed> batch;
     for (size_t begin = 0; begin < indexOf.size(); begin += batch.size()) {
         size_t bytes = 0;
         batch.clear();
         std::vector<size_t> offsets;
-        for (size_t i = begin; i < indexOf.size() && (bytes < room || batch.empty()); ++i) {
+        for (size_t i = begin; i < indexOf.size() && (bytes < capacity || batch.empty()); ++i) {
             offsets.push_back(bytes);
             bytes += distinct.triangles[i].classifiedBytes();
             batch.push_back({nullptr, {}, {}, 0});

@@ -31,12 +31,12 @@ struct TexCoord {
 // that it is.
 using TriangleUvs = std::array<TexCoord, 3>;
 
-// Which filtered values are opaque.
+// The comparison that makes a filtered value opaque.
 enum class AlphaTest : uint8_t { GreaterOrEqual, Greater, LessOrEqual, Less };
 
 // The 2-state state that an unknown state becomes.
 enum class TwoStateRule : uint8_t {
-    Nearest,              // what most of the micro-triangle is
+    Nearest,              // the most frequent state of the micro-triangle
     UnknownIsOpaque,      // nothing opaque is lost
     UnknownIsTransparent, // nothing transparent is hit
 };
@@ -56,9 +56,9 @@ struct BakeOptions {
     // A 4-state triangle less of which is known than this share (0..1) gets a special index for unknown instead of
     // data.
     double minKnown = 0;
-    // Keeps special indices from standing beside others among the triangles of one BakeInput, as
+    // Keeps special indices from mixing with others among the triangles of one BakeInput, as
     // VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR demands of a geometry: triangles that
-    // are one state all over get a micromap triangle of level 0 where any other triangle has data.
+    // are one state all over get a micromap triangle of level 0 if any other triangle has data.
     bool disallowMixedSpecialIndices = false;
 
     // A sample is opaque where alpha >= cutoff (glTF's alphaCutoff, after `scale` of AlphaTexture::fromUnorm8), or what
@@ -74,14 +74,14 @@ struct BakeOptions {
     // How far a filtered value may be from the exact one. The default covers filters that interpolate 8-bit texels
     // with 8-bit weights and round twice, as lavapipe's do.
     double valueTolerance = 2.0 / 255.0;
-    // How far, in texels, a sample may be from where it was asked for. Vulkan lets subTexelPrecisionBits be as low as
-    // 4, hence the default. At most 1024.
+    // The largest distance, in texels, of a sample from its exact position. Vulkan lets subTexelPrecisionBits be as low
+    // as 4, hence the default. At most 1024.
     double subtexelTolerance = 1.0 / 16.0;
-    // How far, in barycentrics, a hit that traversal assigns to a micro-triangle may lie outside of it: the rounding
-    // of the barycentrics and of their sum. At most 1.
+    // The largest distance, in barycentrics, of a hit from the micro-triangle that traversal assigns it to: the
+    // rounding of the barycentrics and of their sum. At most 1.
     double barycentricTolerance = 1e-5;
-    // How far interpolation may move a texture coordinate, relative to the largest of the triangle: single precision,
-    // whose products and sums are as large as the coordinates themselves. At most 2^-10.
+    // The largest error of an interpolated texture coordinate, relative to the largest of the triangle: single
+    // precision, whose products and sums are as large as the coordinates themselves. At most 2^-10.
     double interpolationTolerance = 16.0 / (1 << 24);
 
     // Worker threads; 0 takes one per processor. The result does not depend on it.
@@ -94,7 +94,7 @@ struct BakeOptions {
     // Makes bake() throw BakeCancelled soon after it returns true. Called often, from several workers at a time.
     std::function<bool()> cancelled;
 
-    // No tolerances: what is true of the texture in exact arithmetic.
+    // Sets all tolerances to 0: states are those of the texture in exact arithmetic.
     BakeOptions &exactly()
     {
         valueTolerance = subtexelTolerance = barycentricTolerance = interpolationTolerance = 0;
@@ -108,7 +108,7 @@ struct BakeInput {
     // whatever mixes two. One for a shader that reads one.
     std::span<const AlphaTexture> textures;
     std::span<const TriangleUvs> triangles;
-    // The level and the format of each triangle. Where there are none the options decide.
+    // The level and the format of each triangle. If empty, the options decide.
     std::span<const uint8_t> levels{};
     std::span<const Format> formats{};
     // Instead of those of the options.

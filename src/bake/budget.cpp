@@ -9,8 +9,8 @@ namespace vellum
 namespace
 {
 
-// From a choice's level down to another one. Levels between that would cost more for what they tell are skipped: the
-// steps of a triangle become dearer as it goes down, so that taking the cheapest step of all is right.
+// From a choice's level down to another one. Levels between that would save less for each known area are skipped: the
+// price of a triangle's steps then rises as it goes down, so taking the cheapest step of all is optimal.
 struct Step {
     double price; // known area lost for each byte saved
     size_t which;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which triangles to give a lower level so that a micromap fits a budget.
+// Chooses the triangles that get a lower level so that a micromap fits a budget.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@ namespace vellum
 struct LevelChoice {
     uint64_t uses = 0;  // triangles of the mesh that share it
     uint32_t level = 0; // the highest, and then the chosen one
-    // By level: micro-triangles that are known, as a share of all, and bytes.
+    // By level: the share of micro-triangles that are known, and bytes.
     std::array<float, shared::kMaxSubdivisionLevel + 1> known{};
     std::array<uint32_t, shared::kMaxSubdivisionLevel + 1> bytes{};
 };

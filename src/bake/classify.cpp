@@ -58,12 +58,13 @@ constexpr int64_t kMostColumns = 1 << 15;
 
 } // namespace
 
-// One triangle on its way down the tree of sub-triangles, in the order of the curve.
+// One triangle on its path down the tree of sub-triangles, in the order of the curve.
 //
-// A sub-triangle comes with the list of mixed cells that it touches. Divided, it hands each of its four parts those
-// that the part touches. A part with none has one outcome all over, and what it is follows from the part before it on
-// the curve, with which it shares points, or else from any point of it. At the bottom, each cell of the list is looked
-// at closely. The lists are made in single precision with a margin for its rounding: a cell too many costs time only.
+// A sub-triangle has a list of the mixed cells that it touches. When it is divided, each of its four parts gets those
+// that the part touches. A part with an empty list has one outcome all over, which follows from the part before it on
+// the curve, with which it shares points, or else from any point of it. At the bottom, each cell of the list is
+// examined exactly. The lists are computed in single precision with a margin for its rounding: a superfluous cell costs
+// only time.
 class Classifier::Walk
 {
 public:
@@ -304,7 +305,7 @@ struct Classifier::Walk::Parts {
         small = f.bilinear && width < kSmall && height < kSmall;
     }
 
-    // Which parts a cell touches and may change the outcome in, as bits by Part.
+    // The parts that a cell touches and whose outcome it may change, as bits by Part.
     [[nodiscard]] unsigned touched(const NearCell &cell) const
     {
         // Three lines divide a triangle into its parts: i, j and their sum half way.
@@ -391,7 +392,7 @@ void Classifier::Walk::descend(const Frame &frame, const Node &node, uint32_t de
         } else if (depth + 1 == level_) {
             leaf(below, from, counts[k]);
         } else {
-            // Those below need the memory behind their list.
+            // The calls below need the memory behind their list.
             const size_t to = start + 4 * count;
             std::copy_n(lists.data() + from, counts[k], lists.data() + to);
             descend(frame, below, depth + 1, to, counts[k]);
@@ -438,7 +439,7 @@ bool Classifier::Walk::crosses(const SubTriangle &sub, const Cell &cell)
     return exact().crosses({{{sub.i, sub.j}, {sub.i + sub.size, sub.j}, {sub.i, sub.j + sub.size}}}, unwrapped);
 }
 
-// The outcome in a sub-triangle that has but one: that at its middle, if rounding allows to tell, or at a corner.
+// The outcome in a uniform sub-triangle: that at its middle, if rounding permits a decision, or at a corner.
 int Classifier::Walk::sideOf(const SubTriangle &sub)
 {
     const Point corner = place_.at(sub.i, sub.j);

@@ -23,8 +23,8 @@ struct ClassifierScratch {
 class Classifier
 {
 public:
-    // Both must outlive the classifier. The options must have been checked.
-    // `uvTerms`: that of BakeInput.
+    // `texture` and `options` must outlive the classifier. The options must have been checked. `uvTerms`: that of
+    // BakeInput.
     Classifier(const AlphaTexture &texture, const BakeOptions &options, double uvTerms = 0);
 
     [[nodiscard]] uint32_t levelFor(const TriangleUvs &uvs) const;

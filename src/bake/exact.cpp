@@ -120,7 +120,7 @@ struct ExactTriangle::Patch {
 
 ExactTriangle::ExactTriangle(const AlphaTexture &texture, double cutoff, const TriangleUvs &uvs, uint32_t level)
     : filter_(texture.filter),
-      // No texel is as large as that, and the digits stay within bounds.
+      // No texel is as large as that, and the number of digits stays bounded.
       cutoff_(std::clamp(cutoff, -0x1p129, 0x1p129)), level_(level)
 {
     int bitsX = 0;
@@ -227,7 +227,7 @@ bool ExactTriangle::touches(const std::array<Point, 3> &corners, const Box &box,
     return any && left && above;
 }
 
-// None where the micro-triangle is far from the cell, or has too many digits.
+// Nothing if the micro-triangle is far from the cell, or has too many digits.
 std::optional<std::array<ExactTriangle::SmallPoint, 3>>
 ExactTriangle::smallCorners(const std::array<LatticePoint, 3> &lattice, const Cell &cell) const
 {

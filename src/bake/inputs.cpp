@@ -115,7 +115,7 @@ size_t indexAt(const UvVertices &vertices, size_t i)
     return i;
 }
 
-// How many elements of `size` bytes, `stride` apart, lie within `bytes`.
+// The number of elements of `size` bytes, `stride` apart, within `bytes`.
 size_t countWithin(size_t bytes, size_t size, size_t stride)
 {
     return bytes < size ? 0 : (bytes - size) / stride + 1;

@@ -19,7 +19,7 @@ struct BakeNumber {
     double BakeOptions::*member;
     double most;
     const char *range; // for messages: "x is 2, not 0 to 1"
-    // For the command.
+    // The option's name, its unit and its help in the command.
     const char *option;
     const char *unit;
     const char *help;

@@ -31,7 +31,7 @@ private:
     uint64_t bytes_ = 0;
 };
 
-// Even bits of a byte, side by side.
+// Compacts the even bits of a byte.
 constexpr uint8_t squeeze(unsigned byte)
 {
     return static_cast<uint8_t>((byte & 1) | (byte >> 1 & 2) | (byte >> 2 & 4) | (byte >> 3 & 8));

@@ -192,7 +192,7 @@ Crossing PieceTest::quick(Point cornerInCell, bool inverted, const NearCell &cel
     const Float4 slopes = (q1 + twiceQ2 * from) * (q1 + twiceQ2 * to);
     const Float4 turn = max(from, min(to, (zero - q1) / twiceQ2));
     const Float4 middle = selectBelow(slopes, zero, along(turn), first);
-    // Edges beside the cell, for which `to` is below `from`, say nothing.
+    // Edges next to the cell, for which `to` is below `from`, have no effect.
     constexpr float kNothing = std::numeric_limits<float>::infinity();
     const Float4 least = selectBelow(to, from, Float4(kNothing), min(min(first, last), middle));
     const Float4 most = selectBelow(to, from, Float4(-kNothing), max(max(first, last), middle));
@@ -307,7 +307,7 @@ Crossing PieceTest::nearest(Point corner, const Shape &shape, const Cell &cell) 
         constexpr double kHalf = 0.25;
         const double x = kHalf + (quarter % 2 != 0 ? 0.5 : 0.0) - corner.x; // the quarter's middle
         const double y = kHalf + (quarter / 2 != 0 ? 0.5 : 0.0) - corner.y;
-        // How far the two overlap, less the slack that the box of the shape already has.
+        // The overlap of the two, less the slack that the box of the shape already includes.
         double overlap = std::min({x + kHalf - shape.low.x, shape.high.x - x + kHalf, y + kHalf - shape.low.y,
                                    shape.high.y - y + kHalf}) -
                          clip_;

@@ -50,8 +50,8 @@ Placement::Placement(const AlphaTexture &texture, const CellMap &map, const Bake
     low = {std::min({0.0, stepI.x, stepJ.x}), std::min({0.0, stepI.y, stepJ.y})};
     high = {std::max({0.0, stepI.x, stepJ.x}), std::max({0.0, stepI.y, stepJ.y})};
 
-    // Where a sample can fall around the exact place: sub-texel precision; single-precision interpolation, whose
-    // products and sums are as large as the coordinates themselves; and hits beside the micro-triangle.
+    // Where a sample can fall around the exact position: sub-texel precision; single-precision interpolation, whose
+    // products and sums are as large as the coordinates themselves; and hits outside the micro-triangle.
     const auto margin = [&](float TexCoord::*axis, double texels) {
         const double largest =
             std::max<double>({std::abs(uvs[0].*axis), std::abs(uvs[1].*axis), std::abs(uvs[2].*axis), uvTerms});
@@ -72,7 +72,7 @@ Placement::Placement(const AlphaTexture &texture, const CellMap &map, const Bake
 
     // With u = 2^-53 and m the largest coordinate of a vertex in texels: a vertex is off by 2um (the half, the whole
     // position), e1 and e2 by 6um, and a lattice point by 2um + 6um + 4um more for its own products and sums. The rest
-    // is for what is computed from it.
+    // is for later computations.
     const double largest = std::max({std::abs(minX), std::abs(maxX), std::abs(minY), std::abs(maxY), 1.0});
     slack = 0x1p-46 * largest;
     // The functions are cross products of a vector from the triangle to a cell that it touches, and an edge.

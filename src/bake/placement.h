@@ -38,11 +38,11 @@ struct Placement {
         return {origin.x + i * stepI.x + j * stepJ.x, origin.y + i * stepI.y + j * stepJ.y};
     }
 
-    // Calls `sink` with the place of each mixed cell that the sub-triangle touches, margins included, and perhaps
-    // others beside it, until it returns true; returns whether it did.
+    // Calls `sink` with the location of each mixed cell that the sub-triangle touches, margins included, and perhaps of
+    // others next to it, until it returns true; returns whether it did.
     template <typename Sink>
     bool forMixed(const CellMap &map, const SubTriangle &sub, Sink &&sink) const;
-    // How many cells the box around a sub-triangle has, about.
+    // The approximate number of cells in the box around a sub-triangle.
     [[nodiscard]] double boxCells(const SubTriangle &sub) const;
 
     int64_t unwrappedX; // the cell that local coordinates count from
@@ -118,8 +118,8 @@ bool Placement::forMixed(const CellMap &map, const SubTriangle &sub, Sink &&sink
 
     const auto last = static_cast<int64_t>(std::floor(bottom + reachY));
     auto row = static_cast<int64_t>(std::floor(top - reachY));
-    // Many rows can be nothing at all: those beside the outlines of a texture that repeats, or far outside of one that
-    // does not.
+    // Many rows can be irrelevant: those next to the outlines of a texture that repeats, or far outside one that does
+    // not.
     constexpr int64_t kMany = 64;
     const bool many = last - row >= kMany;
     if (many) {

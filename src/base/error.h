@@ -13,7 +13,7 @@ public:
     using std::runtime_error::runtime_error;
 };
 
-// The command line asks for something that it cannot mean: ExitCode::Usage.
+// An invalid command line: ExitCode::Usage.
 class UsageError : public Error
 {
 public:

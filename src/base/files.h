@@ -18,7 +18,7 @@ namespace vellum
 
 // Identifies a file by whichever of its names.
 using FileId = std::pair<uint64_t, uint64_t>;
-// Nothing where there is no file.
+// Nothing if the file does not exist.
 std::optional<FileId> idOf(const std::filesystem::path &path);
 
 // Why no file can be made in a folder that exists; empty where one can, as far as is known.
@@ -58,10 +58,10 @@ private:
 };
 
 bool isTerminal(std::FILE *stream);
-// Columns of the terminal that stdout is; nothing where it is none.
+// The width of the terminal that stdout is; nothing if it is not a terminal.
 std::optional<size_t> terminalWidth();
 
-// Another stream to where stdout leads, which no child process inherits. Null if it cannot be made.
+// Another stream to the same file as stdout, which child processes do not inherit. Null if it cannot be created.
 std::FILE *duplicateStdout();
 // Redirects stdout to stderr from now on. Returns false if that is not possible.
 bool sendStdoutToStderr();

@@ -54,7 +54,7 @@ public:
             add(element);
         }
     }
-    // A member as JSON; empty if there is none.
+    // A member as JSON; empty if it does not exist.
     [[nodiscard]] std::string json(const char *name) const
     {
         const auto member = document_.FindMember(name);

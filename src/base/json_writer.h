@@ -13,7 +13,7 @@ namespace vellum
 enum class JsonStyle : uint8_t {
     Lines,   // indented, an element a line
     Compact, // in one line without spaces
-    Html,    // as Compact, of ASCII alone, and with no character that means anything in HTML
+    Html,    // like Compact, with ASCII characters only, and none that has a meaning in HTML
 };
 
 // A text in quotes. What is not UTF-8 becomes U+FFFD.

@@ -16,7 +16,7 @@
 namespace
 {
 
-// For stb_image_write, whose own compression is weaker. The result is freed by free(); null if there is no memory.
+// Compression for stb_image_write, whose own is weaker. The caller frees the result by free(); null if memory runs out.
 unsigned char *compressed(const unsigned char *data, int bytes, int *resultBytes, int quality)
 {
     uLongf size = compressBound(static_cast<uLong>(bytes));

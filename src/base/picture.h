@@ -25,7 +25,7 @@ constexpr std::array<uint32_t, 4> kStateColors = {0x56b4e9, 0x0072b2, 0xf0e442, 
 Picture sideBySide(const Picture &left, const Picture &right);
 
 struct Difference {
-    uint64_t pixels = 0;  // that differ in any channel
+    uint64_t pixels = 0;  // pixels that differ in any channel
     uint32_t largest = 0; // of any channel, 1..255
     Picture amplified;    // eight times the absolute difference on black, any difference visible
 };
@@ -33,7 +33,7 @@ struct Difference {
 // Both pictures must have the same size.
 Difference compare(const Picture &a, const Picture &b);
 
-// In the first bytes of every file that these functions return.
+// These marks are in the first bytes of every file that these functions return.
 inline constexpr std::string_view kPngMark("tEXtSoftware\0vellum", 19);
 inline constexpr std::string_view kSvgMark = "<!--vellum-->";
 

@@ -13,7 +13,7 @@
 namespace vellum
 {
 
-// To be called first in main. Returns the arguments, without the program's name.
+// Must be called first in main. Returns the arguments, without the program's name.
 std::vector<std::string> prepareProcess(int argc, char **argv);
 
 // The path of the program's file. Empty if it is not known.
@@ -34,7 +34,7 @@ inline constexpr char kListSeparator = ':';
 #endif
 struct ProcessEnd {
     int code = 0;      // the exit code
-    std::string crash; // what ended the process instead, such as "SIGSEGV"; empty where it exited
+    std::string crash; // the reason if it did not exit, such as "SIGSEGV"; empty if it exited
 
     // "SIGSEGV", "exit code 1"; empty for success.
     [[nodiscard]] std::string text() const
@@ -54,13 +54,13 @@ public:
     ChildProcess(const ChildProcess &) = delete;
     ChildProcess &operator=(const ChildProcess &) = delete;
 
-    // To its stdin: at most what a pipe holds. A process that has ended shows it by end().
+    // Writes to its stdin: at most as much as a pipe holds. end() shows that a process has ended.
     void write(std::string_view text);
     void closeInput();
-    // With all processes that it started.
+    // Kills it and all processes that it started.
     void kill();
 
-    // Nothing while it runs. What it has written before can still be read.
+    // Nothing while it runs. Its earlier output can still be read.
     [[nodiscard]] std::optional<ProcessEnd> end() const;
     // Appends what has come from its stdout and from its stderr.
     void read(std::string &output, std::string &errors);
@@ -74,13 +74,13 @@ private:
     std::unique_ptr<System> system_;
 };
 
-// In a ChildProcess: it ends when the process ends that started it.
+// Called in a ChildProcess: makes it end when its parent ends.
 void endWithParent();
 
 // Runs a program with the streams, the environment and the terminal of this process, and waits for its end. `words`:
 // its name, looked up in PATH, and its arguments. Signals that are sent to this process alone are passed on. Returns
-// the program's exit code as shells of this system have it (kExitCodesOfPrograms); 127 where there is no such program
-// and 126 where it cannot be executed, after a line on stderr.
+// the program's exit code by the convention of shells of this system (kExitCodesOfPrograms); 127 if there is no such
+// program and 126 if it cannot be executed, after a line on stderr.
 int runProgram(std::span<const std::string> words);
 // A line for the help.
 extern const char *const kExitCodesOfPrograms;
@@ -95,9 +95,9 @@ public:
     Interruptible(const Interruptible &) = delete;
     Interruptible &operator=(const Interruptible &) = delete;
 
-    // From any thread.
+    // May be called from any thread.
     static bool interrupted();
-    // Ends the process by the signal that came, as whoever started it expects.
+    // Ends the process by the signal that came, as its parent expects.
     [[noreturn]] static void die();
 };
 

@@ -86,7 +86,7 @@ struct Ends {
     Descriptor child;
 };
 
-// Neither has the number of a standard stream.
+// Ensures that neither descriptor has the number of a standard stream.
 Ends endsOf(int own, int child)
 {
     const Descriptor first(own);
@@ -313,7 +313,7 @@ private:
 // The error of posix_spawnp; 0: it runs, as `program`.
 int startProgram(std::vector<std::string> words, const sigset_t &signals)
 {
-    // No signal comes between the start and the assignment to `program`.
+    // Signals are blocked between the start and the assignment to `program`.
     sigset_t before;
     sigprocmask(SIG_BLOCK, &signals, &before);
     posix_spawnattr_t attributes;

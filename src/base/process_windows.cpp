@@ -41,9 +41,9 @@ void prepareConsole()
         std::atexit([] { SetConsoleOutputCP(codePageBefore); });
 }
 
-// The loader of Vulkan, when the first of its functions is called: from beside this program or from Windows, but not
-// from the working directory, in which the files of others may be. Without one, functions are looked for in this
-// program, where they are not.
+// The loader of Vulkan, loaded when the first of its functions is called: from the folder of this program or from
+// Windows, but not from the working directory, which may contain files of others. Without a loader, functions are
+// looked up in this program, which does not have them.
 FARPROC WINAPI findVulkan(unsigned what, DelayLoadInfo *)
 {
     if (what != dliNotePreLoadLibrary)
@@ -55,7 +55,7 @@ FARPROC WINAPI findVulkan(unsigned what, DelayLoadInfo *)
     return reinterpret_cast<FARPROC>(reinterpret_cast<void *>(loader));
 }
 
-// Every function, where there is no loader.
+// Replaces every function if there is no loader.
 VkResult VKAPI_CALL withoutLoader()
 {
     return VK_ERROR_INCOMPATIBLE_DRIVER;
@@ -77,8 +77,8 @@ FARPROC WINAPI replaceFunction(unsigned what, DelayLoadInfo *info)
 std::vector<std::string> prepareProcess(int, char **)
 {
     for (std::FILE *stream : {stdin, stdout, stderr})
-        _setmode(_fileno(stream), _O_BINARY); // what is written is the same on every system
-    std::setvbuf(stderr, nullptr, _IONBF, 0); // what a process printed before a crash is wanted
+        _setmode(_fileno(stream), _O_BINARY); // output is the same on every system
+    std::setvbuf(stderr, nullptr, _IONBF, 0); // output before a crash must not be lost
     prepareConsole();
     __pfnDliNotifyHook2 = findVulkan;
     __pfnDliFailureHook2 = replaceFunction;
@@ -201,7 +201,7 @@ private:
     std::vector<std::byte> memory_;
 };
 
-// In the job from its first instruction on.
+// The process is in the job from its first instruction on.
 Handle startSelf(std::span<const std::string> words, const Handle &job, std::array<HANDLE, 3> streams)
 {
     InheritedHandles inherited(streams);
@@ -380,7 +380,8 @@ const char *const kExitCodesOfPrograms = "others    that of the program, such as
 int runProgram(std::span<const std::string> words)
 {
     SetConsoleCtrlHandler(ignore, TRUE); // to the end: removing it would wait for one that does not return
-    const Handle job = makeJob(JOB_OBJECT_LIMIT_SILENT_BREAKAWAY_OK); // what the program starts may outlive it
+    const Handle job =
+        makeJob(JOB_OBJECT_LIMIT_SILENT_BREAKAWAY_OK); // processes that the program starts may outlive it
     STARTUPINFOW start{};
     start.cb = sizeof start;
     PROCESS_INFORMATION started{};

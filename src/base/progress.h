@@ -15,7 +15,7 @@ class ProgressLine
 public:
     // Shows `what` on stderr, if that is a terminal and `enabled`.
     explicit ProgressLine(std::string what, bool enabled = true);
-    // Where stderr is no terminal, also prints a line of plain text now and then, this many seconds apart; 0: none.
+    // If stderr is not a terminal, also prints a line of plain text at this interval in seconds; 0: none.
     ProgressLine(std::string what, double secondsBetweenLines);
     // Clears the line.
     ~ProgressLine();
@@ -23,7 +23,7 @@ public:
     ProgressLine &operator=(const ProgressLine &) = delete;
 
     void update(size_t done, size_t total);
-    // In words, which are asked for when they are shown.
+    // `words` is called when the line is shown.
     void update(const std::function<std::string()> &words);
 
     // Shows none from now on.

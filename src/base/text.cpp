@@ -22,7 +22,7 @@ size_t utf8Sequence(std::string_view text)
         return 0;
     if (first < 0xe0)
         return 2;
-    // Neither longer than need be, nor a surrogate, nor beyond U+10FFFF.
+    // Rejects overlong encodings, surrogates, and code points above U+10FFFF.
     const bool outside = (first == 0xe0 && second < 0xa0) || (first == 0xed && second > 0x9f) ||
                          (first == 0xf0 && second < 0x90) || (first == 0xf4 && second > 0x8f);
     if (outside || !isTail(2))
@@ -201,7 +201,7 @@ std::string markupText(std::string_view text)
         const char32_t point = takeCodePoint(text);
         if (point < 0x20 || point >= 0x7f ||
             std::string_view("\"<>&'").find(static_cast<char>(point)) != std::string_view::npos)
-            // No control characters: a parser takes these references for others or for errors.
+            // Control characters are excluded: parsers replace or reject references to them.
             result += "&#" +
                       std::to_string(
                           static_cast<uint32_t>(point < 0x20 || (point >= 0x7f && point < 0xa0) ? 0xfffd : point)) +

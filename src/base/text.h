@@ -13,15 +13,15 @@
 namespace vellum
 {
 
-// The length of the character at the beginning of a text, or 0 where there is none that is well-formed (the Unicode
-// Standard, table 3-7).
+// The length of the character at the beginning of a text, or 0 if it is not well-formed (the Unicode Standard, table
+// 3-7).
 size_t utf8Sequence(std::string_view text);
 
 // The code point at the beginning of a text, which loses it; U+FFFD for a byte that does not belong to one.
 char32_t takeCodePoint(std::string_view &text);
 
-// With "?" for each control character (of ASCII, and U+0080 to U+009F in UTF-8): a name must not break a table into
-// lines, or tell a terminal what to do.
+// Replaces each control character (of ASCII, and U+0080 to U+009F in UTF-8) by "?": a name must not break a table into
+// lines, or control a terminal.
 std::string printable(std::string text);
 
 // Returns whether the whole name matches. Both are UTF-8.
@@ -29,7 +29,7 @@ bool matchesPattern(std::string_view name, std::string_view pattern);
 
 // 1234567 -> 1,234,567
 std::string grouped(uint64_t number);
-// "1 mesh", "2,000 meshes"; the plural is `one` with an s where there is none.
+// "1 mesh", "2,000 meshes"; without `many`, the plural is `one` with an s.
 std::string counted(uint64_t number, const char *one, const char *many = nullptr);
 // 0.125 -> 12.5 %
 std::string percent(double share);
@@ -40,7 +40,7 @@ std::vector<std::string> partsOf(const std::string &list, char separator);
 inline constexpr std::string_view kBase64Alphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 std::string base64Encoded(std::span<const uint8_t> bytes);
 
-// Text of an element of HTML or SVG, or of an attribute in double quotes; what is no UTF-8 becomes U+FFFD.
+// Text of an element of HTML or SVG, or of an attribute in double quotes; invalid UTF-8 becomes U+FFFD.
 std::string markupText(std::string_view text);
 
 // "0x0123456789abcdef": numbers of 64 bits are strings in JSON.

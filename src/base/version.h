@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which vellum this is.
+// The version of vellum.
 #pragma once
 
 #include <string>

@@ -18,7 +18,7 @@ inline std::string lastMessage()
 {
     return messageOf(GetLastError());
 }
-// From which CommandLineToArgvW and the C runtime make these words again.
+// A command line that CommandLineToArgvW and the C runtime split into these words.
 std::wstring commandLineOf(std::span<const std::string> words);
 
 } // namespace vellum

@@ -8,7 +8,7 @@ namespace vellum::cli
 {
 
 struct BenchOptions {
-    std::optional<std::filesystem::path> output; // the page; the JSON is beside it
+    std::optional<std::filesystem::path> output; // the page; the JSON is in the same folder
     BenchDevice device;
     double seconds = 180; // of all parts together
     double timeout = 60;  // without progress, after which a part counts as hung

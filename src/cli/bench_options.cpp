@@ -13,12 +13,12 @@ namespace
 {
 
 constexpr const char *kBenchDetails = R"(
-Measures opacity micromaps on a GPU, and writes a report to send: one web page, and the same as JSON beside it. First a
-self-check by random cases, then frames with micromaps beside frames with alpha tests, by ray queries and by ray tracing
-pipelines; builds with the layer and without; and making pipelines. Where the driver has micromaps, they are measured
-beside emulated ones. Each part runs in a process of its own, with short submissions: if one hangs, crashes or loses the
-device, the rest goes on. After Ctrl-C the report has what was measured before. It names the device and its driver, and
-nothing of the machine or its user.
+Measures opacity micromaps on a GPU, and writes a report to send: one web page, and the same data as JSON next to it.
+First a self-check by random cases, then frames with micromaps compared with alpha tests, by ray queries and by ray
+tracing pipelines; builds with the layer and without; and the creation of pipelines. If the driver has micromaps, they
+are compared with emulated ones. Each part runs in a process of its own, with short submissions: if one hangs, crashes
+or loses the device, the others continue. After Ctrl-C the report has the results so far. It names the device and its
+driver, and nothing of the machine or its user.
 
 Exit status:
   0  everything was measured

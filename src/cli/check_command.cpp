@@ -35,7 +35,8 @@ void prepareEnvironment(const CheckOptions &options)
     if (options.layer)
         gpu::offerLayer(options.layerFolder);
     if (!variable("VELLUM_MESSAGE_LIMIT"))
-        setVariable("VELLUM_MESSAGE_LIMIT", "0"); // what the layer reports fails a case, whatever it reported before
+        setVariable("VELLUM_MESSAGE_LIMIT",
+                    "0"); // each report of the layer fails its case, even if it was reported before
     if (!options.implementation.empty())
         setVariable("VELLUM_IMPLEMENTATION", options.implementation);
 }
@@ -116,7 +117,7 @@ RunSettings settingsOf(const CheckOptions &options, const DeviceSummary &device)
     return settings;
 }
 
-// Without the extensions that the device lacks, unless --api, --caselist or --filter names them: their cases are then
+// Removes the extensions that the device lacks, unless --api, --caselist or --filter names them: their cases are then
 // skipped.
 void removeMissing(const CheckOptions &options, const DeviceSummary &device, CaseSelection &selection)
 {
@@ -278,11 +279,11 @@ void skipMissing(const DeviceSummary &device, CaseSelection &selection, Results 
     std::erase_if(selection.list, [&](const CaseId &id) { return lacks(id.api); });
 }
 
-// How far a run has come, in words.
+// Describes the progress of a run.
 class RunProgress
 {
 public:
-    // At the start of the run.
+    // Must be created at the start of the run.
     RunProgress(const RunSettings &settings, const Schedule &schedule, const Results &results)
         : settings_(settings), schedule_(schedule), results_(results), work_(schedule.work()),
           cases_(results.size() + schedule.remaining())
@@ -413,7 +414,7 @@ int checkCommand(const CheckOptions &options)
         throw UsageError("no case is selected; vellum check --list prints them");
     DeviceSummary device;
     try {
-        device = askForDevice({.device = options.device, .layer = options.layer}, options.timeout);
+        device = findDevice({.device = options.device, .layer = options.layer}, options.timeout);
         removeMissing(options, device, selection);
     } catch (const UsageError &) {
         throw;

@@ -38,7 +38,7 @@ struct CheckOptions {
     bool list = false;
     bool groups = false;
     bool json = false;
-    double progress = 10; // seconds between lines where stderr is no terminal; 0: none
+    double progress = 10; // seconds between lines if stderr is not a terminal; 0: none
     bool worker = false;
 };
 

@@ -74,7 +74,7 @@ std::string messageOf(const CLI::App &app, const CLI::ParseError &error)
     std::string text = error.what();
     std::replace(text.begin(), text.end(), '\n', ' ');
     const size_t colon = text.find(": ");
-    // Without a subcommand, CLI11 asks for one before it looks at what is left.
+    // Without a subcommand, CLI11 reports that first and ignores remaining words.
     const std::vector<std::string> words = app.remaining(true);
     if (dynamic_cast<const CLI::ExtrasError *>(&error) != nullptr || (subcommands.empty() && !words.empty())) {
         const std::string word = words.empty() ? std::string() : words.front();
@@ -141,8 +141,8 @@ int runCommandLine(const std::vector<std::string> &words)
         rejectSubcommand(app, words[0]);
     try {
         app.parse(std::vector<std::string>(words.rbegin(), words.rend())); // CLI11 takes the last word first
-    } catch (const CLI::Success &asked) {                                  // --help and --version
-        return app.exit(asked);
+    } catch (const CLI::Success &request) {                                // --help and --version
+        return app.exit(request);
     } catch (const CLI::ParseError &error) {
         throw UsageError(messageOf(app, error));
     }

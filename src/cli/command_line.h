@@ -20,7 +20,7 @@ namespace vellum::cli
 std::map<std::string, std::function<int()>> declareCommands(CLI::App &app, const std::vector<std::string> &words);
 
 // Parses the command line, without the name of the program, and runs the command it names. Prints what --help and
-// --version ask for. Returns the process's exit code; throws Error, GltfError or BakeError.
+// --version request. Returns the process's exit code; throws Error, GltfError or BakeError.
 int runCommandLine(const std::vector<std::string> &words);
 
 } // namespace vellum::cli

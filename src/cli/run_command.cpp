@@ -70,7 +70,7 @@ struct MessageSummary {
     std::vector<Kind> kinds; // of warnings and errors, in the order of the first of each
     size_t errors = 0;
     size_t warnings = 0;
-    size_t devices = 0; // whose micromaps the layer provides or validates
+    size_t devices = 0; // devices with micromaps of the layer, or with its validation
 };
 
 struct Message {
@@ -125,7 +125,7 @@ MessageSummary readMessages(std::istream &lines)
     return summary;
 }
 
-// On stderr.
+// Prints to stderr.
 void print(const MessageSummary &summary)
 {
     if (summary.devices == 0)
@@ -271,7 +271,7 @@ std::function<int()> declareRunCommand(CLI::App &app, const std::vector<std::str
                                                       "driver only, its EXT extension, or the layer [auto]");
     takesWords(implementation, {"auto", "driver", "ext", "emulated"});
     command.add_flag("--assume-micromaps", options->assumeMicromaps,
-                     "Use micromaps in pipelines and ray queries that do not ask for them");
+                     "Use micromaps in pipelines and ray queries that do not enable them");
     command
         .add_option("--layer-path", options->layerFolder,
                     "Folder of the layer's manifest, instead of the one installed with this program")

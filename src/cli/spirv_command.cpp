@@ -50,7 +50,7 @@ struct SpirvOptions {
     std::vector<std::filesystem::path> inputs;
     std::optional<std::filesystem::path> output;
     bool operandOutput = false; // `output` was given without -o
-    std::string enable;         // as given: "always" or a constant id
+    std::string enable;         // the option's word: "always" or a constant id
     bool disable = false;
     bool rewrite = false;
     bool lint = false;

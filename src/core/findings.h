@@ -40,7 +40,7 @@ VELLUM_CONST uint kFindingCounts = 7u; // triangle: level | format << 16; value 
 // About a triangle of a geometry; value 0: the index, value 1: triangles of the micromap, which is the object.
 VELLUM_CONST uint kFindingIndex = 8u;
 VELLUM_CONST uint kFindingNumber = 9u;       // the same, without an index buffer: value 0 is the triangle's number
-VELLUM_CONST uint kFindingNotSpecial = 10u;  // an index where there is no micromap
+VELLUM_CONST uint kFindingNotSpecial = 10u;  // an index without a micromap
 VELLUM_CONST uint kFindingIndexBuffer = 11u; // about a geometry: the first triangle whose index is outside the buffer
 // About a geometry; value 0, 1: triangles by its usage counts, triangles with an index into the micromap.
 VELLUM_CONST uint kFindingAttachedCounts = 12u;
@@ -60,7 +60,7 @@ VELLUM_CONST uint kRecordMicromap = 1u;
 VELLUM_CONST uint kRecordBottom = 2u;
 VELLUM_CONST uint kRecordTop = 3u;
 VELLUM_CONST uint kRecordDestroyed = 4u;
-// word of record 0, which is no structure's; 1: the table has all references that the application got
+// word of record 0, which no structure uses; 1: the table has all references that the application got
 VELLUM_CONST uint kRecordAllReferences = 3u;
 
 // --- table of references: open addressing; bucket: reference (2 words), index of a record,
@@ -103,8 +103,8 @@ VELLUM_FN uint triangleBytes(VELLUM_IN uint level, VELLUM_IN uint format)
     return ((format << (2u * level)) + 7u) >> 3u;
 }
 
-// The finding about one triangle of a micromap; 0: there is none. `dataBytes`: to the end of the buffer of the data;
-// 0xffffffff: unknown, or more than offsets reach.
+// The finding about one triangle of a micromap; 0: none. `dataBytes`: to the end of the buffer of the data; 0xffffffff:
+// unknown, or more than offsets reach.
 VELLUM_FN uint findingOfTriangle(VELLUM_IN uint dataOffset, VELLUM_IN uint level, VELLUM_IN uint format,
                                  VELLUM_IN uint limits, VELLUM_IN uint dataBytes)
 {

@@ -28,7 +28,7 @@ VELLUM_CONST uint kBakeUvs = 2u; // an address
 VELLUM_CONST uint kBakeUvStride = 4u;
 VELLUM_CONST uint kBakeUvFormat = 5u;
 VELLUM_CONST uint kBakeIndices = 6u;    // an address
-VELLUM_CONST uint kBakeIndexBytes = 8u; // of an index; 0: there are none
+VELLUM_CONST uint kBakeIndexBytes = 8u; // of an index; 0: no indices
 VELLUM_CONST uint kBakeLevel = 9u;      // of all triangles, or the most of any
 VELLUM_CONST uint kBakeFlags = 10u;
 VELLUM_CONST uint kBakeMips = 11u;
@@ -139,7 +139,7 @@ VELLUM_FN uint bakeMaskWords(VELLUM_IN uint cellsX, VELLUM_IN uint cellsY, VELLU
 {
     return bakeMaskPitch(bakeBlocksOfCells(cellsX, step)) * bakeBlocksOfCells(cellsY, step) * 2u;
 }
-// How often cells can be taken together, two by two along each axis, until there is one block.
+// How often cells can be combined, two by two along each axis, until there is one block.
 VELLUM_FN uint bakeMaskSteps(VELLUM_IN uint cellsX, VELLUM_IN uint cellsY)
 {
     uint steps = 1u;

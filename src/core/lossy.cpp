@@ -27,7 +27,7 @@ uint32_t lossyLevel(const uint8_t *data, uint32_t level, uint32_t priceLog2)
     uint32_t best = level;
     uint32_t leastCost = micros;
     for (uint32_t l = level; l > kCoarseLevel; --l) {
-        uint32_t left = 0; // what is known one level lower
+        uint32_t left = 0; // known micro-triangles one level lower
         for (uint32_t i = 0; i < microTriangleCount(l - 1); ++i) {
             const uint8_t *child = &nodes[size_t{4} * i];
             const bool same = child[0] == child[1] && child[0] == child[2] && child[0] == child[3];

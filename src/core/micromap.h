@@ -88,7 +88,7 @@ struct Micromap {
     std::vector<int32_t> indices; // one per geometry triangle: a micromap triangle or a special index
     uint32_t baseTriangle = 0;    // added to every index >= 0
 
-    // How many triangles there are of each level and format: what a micromap build needs (pUsageCounts of
+    // The number of triangles of each level and format, as a micromap build needs it (pUsageCounts of
     // VkMicromapBuildInfoEXT), sorted by format, then level.
     [[nodiscard]] std::vector<MicromapUsage> buildUsage() const;
     // The usage counts of the geometry: each triangle counted as often as an index refers to it

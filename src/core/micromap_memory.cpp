@@ -97,7 +97,7 @@ Triangle readTriangle(const MicromapBuildInput &input, uint32_t i)
     t.bits = format;
     t.valid = (format == 1 || format == 2) && t.level <= std::min(kMaxSubdivisionLevel, input.maxLevel) &&
               uint64_t{t.dataOffset} + t.bytes() <= std::min<uint64_t>(input.dataBytes, kUnknown);
-    // Without sharing, data is not looked at.
+    // Without sharing, data is not read.
     if (t.valid)
         t.mask = input.share || t.level <= kCoarseLevel ? maskOf(t, input.data + t.dataOffset) : 0xaaaaaaaau;
     return t;

@@ -33,12 +33,12 @@ constexpr uint64_t micromapMemoryBytes(uint64_t triangles, uint64_t units)
     return shared::kMicromapHeaderWords * 4ull + (triangles + 1) / 2 * 16 + units * shared::kDataUnitBytes;
 }
 
-// Writes a micromap to `out`, which has a capacity of micromapMemoryBytes(triangleCount, capacityUnits) bytes. What lies
-// behind the units in use, and between data that stay where they lie, stays as it is. Triangles whose input is wrong
-// become unknown-opaque.
+// Writes a micromap to `out`, which has a capacity of micromapMemoryBytes(triangleCount, capacityUnits) bytes. What
+// lies behind the units in use, and between data that stay where they lie, stays as it is. Triangles whose input is
+// wrong become unknown-opaque.
 void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out);
 
-// Bytes in use of the micromap that lies at `memory`; 0 where there is none.
+// Bytes in use of the micromap at `memory`; 0 if there is none.
 uint64_t micromapMemoryInUse(const uint8_t *memory);
 
 // Makes every record of a micromap that points outside the micromap's own units unknown.

@@ -34,9 +34,9 @@ VELLUM_CONST uint kRayCullOpaque = 0x040u;
 VELLUM_CONST uint kRayCullNoOpaque = 0x080u;
 VELLUM_CONST uint kRayForce2State = 0x400u;
 
-// The ways in which traversal treats a candidate.
+// How traversal treats a candidate.
 VELLUM_CONST uint kHitNonOpaque = 0u; // the shader decides
-VELLUM_CONST uint kHitOpaque = 1u;    // committed without asking the shader
+VELLUM_CONST uint kHitOpaque = 1u;    // committed without a call of the shader
 VELLUM_CONST uint kHitIgnored = 2u;   // next candidate; the shader never sees it
 
 // The result of a hit in a micro-triangle by the flags of the instance, before ray flags are applied. kStateNone: a hit

@@ -39,7 +39,7 @@ void inParallel(unsigned threads, size_t count, Function &&function)
             for (size_t i = 1; i < threads && i < count; ++i)
                 others.emplace_back(work);
         } catch (const std::exception &) {
-            // Without memory or permission for another thread, those that there are do the work.
+            // Without memory or permission for another thread, the existing ones do the work.
         }
         work();
     }
@@ -52,7 +52,7 @@ class Progress
 {
 public:
     Progress(const std::function<void(size_t, size_t)> &callback, size_t total) : callback_(callback), total_(total) {}
-    // From any thread.
+    // May be called from any thread.
     void done(size_t count)
     {
         if (!callback_)

@@ -26,7 +26,7 @@ struct SineCosine {
 inline SineCosine sineCosine(double angle)
 {
     constexpr double kHalfPi = 0x1.921fb54442d18p+0;
-    constexpr double kHalfPiRest = 0x1.1a62633145c07p-54; // what the double lacks
+    constexpr double kHalfPiRest = 0x1.1a62633145c07p-54; // rest of pi / 2 beyond the double
     const double turned = std::remainder(angle, 4 * kHalfPi);
     if (std::isnan(turned))
         return {turned, turned};

@@ -256,7 +256,7 @@ struct WideIndicesPush {
     uint unused;
 };
 
-// Where validation found something, of the log of core/findings.h.
+// The location of a finding of validation in the log of core/findings.h.
 struct FindingPush {
     VELLUM_ADDRESS log;
     VELLUM_ADDRESS object; // its handle
@@ -297,7 +297,7 @@ struct IndexCheckPush {
     uint indexStride;
     uint readable; // indices inside their buffer
     uint baseTriangle;
-    uint attached;         // 0: there is no micromap
+    uint attached;         // 0: no micromap
     VELLUM_ADDRESS counts; // 0: the triangles are not counted
     uint declared;         // triangles by the usage counts
     uint comparing;        // 0: the indices are checked and counted; 1: then the numbers are compared

@@ -204,7 +204,7 @@ VELLUM_CONST uint kHashBucketWords = 4u;
 // A descriptor of instances in serialized data has the address of the handles in words 6, 7.
 VELLUM_CONST uint kDescriptorWords = 8u;
 VELLUM_CONST uint kDescriptorFirstSlot = 6u;
-VELLUM_CONST uint kDescriptorGenerations = 32u; // as many as descriptors have bytes, so that the low bits are free
+VELLUM_CONST uint kDescriptorGenerations = 32u; // equal to the bytes of a descriptor, so that the low bits are free
 VELLUM_CONST uint kDescriptorKindMask = 0xffu;
 VELLUM_CONST uint kDescriptorGenerationShift = 8u;
 VELLUM_CONST uint kDescriptorUnbuilt = 0u; // nothing was built
@@ -213,8 +213,8 @@ VELLUM_CONST uint kDescriptorTop = 2u;     // a TLAS
 VELLUM_CONST uint kDescriptorBroken = 3u;  // a copy that failed: must not be instanced
 VELLUM_CONST uint kDescriptorPlain = 4u;   // a BLAS without geometry records
 VELLUM_CONST uint kDescriptorBoxes = 5u;   // a BLAS of boxes, and it is known which geometries are opaque
-// With the key "address of a micromap + kMicromapKey": word 3: units of its memory. With the address of a structure
-// only word 2 is valid: a micromap was deserialized there.
+// If the key is "address of a micromap + kMicromapKey", word 3 is the size of its memory in units. If the key is the
+// address of a structure, only word 2 is valid: a micromap was deserialized there.
 VELLUM_CONST uint kDescriptorMicromap = 6u;
 VELLUM_CONST uint kMicromapKey = 1u;
 

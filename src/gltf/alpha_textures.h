@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Decodes the images of a document as far as its size allows: a small file can have many large images, and materials
-// that read one of them in many ways.
+// that read one of them with many samplers and factors.
 #pragma once
 
 #include <exception>
@@ -24,21 +24,21 @@ public:
     // Throws what readImage() throws, and GltfError for too many texels.
     Image decode(int image) { return decode(image, readEncodedImage(document_, image)); }
     Image decode(int image, const EncodedImage &encoded);
-    // Other work on so many texels. Throws GltfError for too many.
+    // Counts other work on that many texels. Throws GltfError for too many.
     void account(uint64_t texels);
 
 private:
     const Document &document_;
     uint64_t allowance_;          // of texels
-    std::set<std::string> files_; // that are counted in it
+    std::set<std::string> files_; // files counted in it
 };
 
 // The parameters that determine the alpha at a texture coordinate.
 using TextureKey = std::tuple<int, Wrap, Wrap, Filter, float>;
 TextureKey textureKeyOf(const Material &material);
 
-// Makes the alpha textures of materials. Those that are alike, or have the same image, should be asked for one after
-// another: the last one and its image are kept.
+// Makes the alpha textures of materials. Equal ones, and those with the same image, should be requested consecutively:
+// the last one and its image are cached.
 class AlphaTextures
 {
 public:
@@ -52,7 +52,7 @@ private:
     ImageDecoder images_;
     int decoded_ = -1; // the number of image_
     Image image_;
-    std::exception_ptr failure_;    // why there is none
+    std::exception_ptr failure_;    // why the last one failed
     std::optional<TextureKey> key_; // of texture_
     std::shared_ptr<const AlphaTexture> texture_;
 };

@@ -29,8 +29,8 @@ struct PrimitivePlace {
 class Document
 {
 public:
-    // Reads a .glb or .gltf file and the buffers and images beside it. Throws GltfError for a file that cannot be read
-    // or is not glTF 2. Accessors, nodes and so on are checked where they are read.
+    // Reads a .glb or .gltf file and the buffers and images that it refers to. Throws GltfError for a file that cannot
+    // be read or is not glTF 2. Accessors, nodes and so on are checked where they are read.
     explicit Document(const std::filesystem::path &path);
     // Reads the bytes of such a file, which is called `path` and names other files relative to it.
     Document(const std::filesystem::path &path, std::vector<uint8_t> bytes);
@@ -38,7 +38,7 @@ public:
     [[nodiscard]] const std::filesystem::path &path() const { return path_; }
     // Images are left encoded: in the file that Image::uri names, else in Image::data, else in their buffer view.
     [[nodiscard]] const gltf_json::Model &model() const { return *model_; }
-    // No object of it has two members of one name.
+    // No object in it has two members of one name.
     [[nodiscard]] JsonValue root() const { return tree_->root(); }
     [[nodiscard]] const JsonTree &tree() const { return *tree_; }
     // The contents of the model's buffer views.
@@ -50,12 +50,12 @@ public:
     // The bytes that follow the JSON chunk in a GLB, from the header of the second chunk on; empty if there are none.
     [[nodiscard]] std::span<const uint8_t> otherChunks() const;
 
-    // `mesh 2 "leaves" primitive 0`; without the name where there is none.
+    // `mesh 2 "leaves" primitive 0`; without the name if it has none.
     [[nodiscard]] std::string nameOf(PrimitivePlace place) const;
 
     // The text of an error, without the path of the file.
     [[nodiscard]] std::string reasonOf(const GltfError &error) const;
-    // Also without the name of the primitive that it is about: "it has no positions".
+    // Also removes the name of the primitive that it is about: "it has no positions".
     [[nodiscard]] std::string reasonOf(PrimitivePlace place, const GltfError &error) const;
 
     // Returns what `read` returns, and puts the file's name in front of what it throws.

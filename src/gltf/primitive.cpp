@@ -16,7 +16,7 @@ namespace vellum
 namespace
 {
 
-// How many numbers are read in the time that Draco takes for a byte, an index or a vertex.
+// The number of floats read in the time that Draco takes for a byte, an index or a vertex.
 constexpr uint64_t kDracoNumbers = 64;
 
 // The corners of triangles, three for each, in the order and winding of glTF 2.0, 3.7.2.1 ("Overview" of meshes).
@@ -36,10 +36,10 @@ std::vector<uint32_t> unfold(int mode, std::vector<uint32_t> corners)
     return indices;
 }
 
-// How the accessor of an attribute that Draco has compressed says its values become floats.
+// How the values of an attribute that Draco has compressed become floats, according to its accessor.
 DracoMesh::As dracoTypeOf(const gltf_json::Model &model, int accessor, const std::string &what)
 {
-    static_cast<void>(accessorCount(model, accessor, what)); // that it exists
+    static_cast<void>(accessorCount(model, accessor, what)); // checks that it exists
     const gltf_json::Accessor &source = model.accessors[static_cast<size_t>(accessor)];
     if (!source.normalized)
         return DracoMesh::As::IntegersOrFloats;
@@ -167,10 +167,10 @@ size_t PrimitiveReader::countVertices() const
         throw GltfError(what_ + " has no attributes");
     if (draco_)
         return draco_->vertexCount();
-    auto teller = source_.attributes.find("POSITION");
-    if (teller == source_.attributes.end())
-        teller = source_.attributes.begin();
-    const size_t count = countElements(views_, teller->second, named(teller->first));
+    auto counted = source_.attributes.find("POSITION");
+    if (counted == source_.attributes.end())
+        counted = source_.attributes.begin();
+    const size_t count = countElements(views_, counted->second, named(counted->first));
     if (count > std::numeric_limits<uint32_t>::max())
         throw GltfError(what_ + " has " + std::to_string(count) + " vertices");
     return count;

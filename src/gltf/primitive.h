@@ -56,7 +56,7 @@ std::string blendCaution(double cutoff, const std::string &done);
 
 struct Primitive {
     int material = -1; // materials[] of the file; -1: glTF's default material, which is opaque
-    // One for each vertex, or none where the file has none. In the space of the mesh.
+    // One for each vertex, or empty if the file has none. In the space of the mesh.
     std::vector<Vec3> positions;
     // Coordinates for the material's base colour texture, uvTransform applied; one for each vertex; none where the
     // material has no texture or the primitive no such set.
@@ -73,7 +73,7 @@ struct Primitive {
     // A morph target changes `uvs` or `alphas`, which are those of no morphing at all: a micromap of them would be
     // wrong as soon as it is animated.
     bool morphed = false;
-    // There is uncompressed data for those who do not know its compression, and in that triangles have another order,
+    // There is uncompressed data for readers that do not know its compression, in which triangles have another order,
     // or their corners, or other values: one micromap cannot be right for both.
     bool twofold = false;
 
@@ -114,7 +114,7 @@ Image decodeImage(const Document &document, int image, const EncodedImage &encod
 Image readImage(const Document &document, int image);
 
 // The alpha of a material's texture as its sampler reads it, times the base colour factor's; one texel of that factor
-// where there is no texture. `image` is what readImage gives for material.image, unread without a texture.
+// if there is no texture. `image` is the result of readImage for material.image, unread without a texture.
 AlphaTexture alphaTexture(const Material &material, const Image &image);
 
 // Opaque or Transparent where an alpha test with this cutoff has but one outcome, whatever the texture says and however

@@ -85,7 +85,7 @@ int Reader::useImage(const Material &material)
         scene_.images.push_back(material.image < 0 ? Image{1, 1, {255, 255, 255, 255}}
                                                    : imageDecoder_.decode(material.image));
     } catch (const GltfUnsupported &) {
-        // Only its colour is missing then.
+        // The image only affects the colour.
         if (material.masked())
             throw;
         images_.erase(material.image);
@@ -255,7 +255,7 @@ void Reader::findNodes(int index, const Matrix &parent, int depth)
     if (index < 0 || static_cast<size_t>(index) >= model_.nodes.size())
         throw GltfError("node " + std::to_string(index) + " does not exist");
     const auto place = static_cast<size_t>(index);
-    // A node with several parents, or a cycle: without this, a small file could ask for endless work.
+    // A node with several parents, or a cycle. Without this check, a small file could take endless time.
     if (seen_[place])
         throw GltfError("node " + std::to_string(index) + " is used more than once");
     seen_[place] = true;

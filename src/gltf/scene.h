@@ -12,7 +12,7 @@
 namespace vellum
 {
 
-// From a mesh's space to the world's: the upper three rows of a matrix, as VkTransformMatrixKHR has them.
+// From a mesh's space to the world's: the upper three rows of a matrix, as in VkTransformMatrixKHR.
 using Transform = std::array<std::array<float, 4>, 3>;
 constexpr Transform kInPlace = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
 
@@ -25,7 +25,7 @@ struct Geometry {
     std::vector<Vec3> positions;   // in the mesh's space, finite; morph targets and skins are applied
     std::vector<TexCoord> uvs;     // one per position; KHR_texture_transform is applied
     std::vector<uint32_t> indices; // three per triangle, all below positions.size()
-    float uvTerms = 0;             // as of Primitive
+    float uvTerms = 0;             // Primitive::uvTerms
     std::vector<float> alphas{};   // COLOR_0's, one per position; none where they are 1 all over
     // The primitive that it is, triangle for triangle; nothing where it is from no file.
     std::optional<PrimitivePlace> place{};
@@ -45,7 +45,7 @@ struct MeshInstance {
 struct Scene {
     std::vector<Image> images;
     std::vector<Material> materials;  // their `image` counts in `images`; a masked material always has one
-    std::vector<Geometry> geometries; // none is empty; those of a mesh beside each other
+    std::vector<Geometry> geometries; // none is empty; those of a mesh are consecutive
     std::vector<Mesh> meshes;         // none is empty, each has an instance
     std::vector<MeshInstance> instances;
 
@@ -53,14 +53,13 @@ struct Scene {
     void makeOneMesh();
 };
 
-// Reads the default scene (the first where none is named; without scenes, all nodes, and without nodes, all meshes).
-// A mesh that several nodes show, or EXT_mesh_gpu_instancing shows several times, is one mesh with several instances.
-// Morph targets have their default weights. Skinned meshes are in their rest pose, where the joints put them: each is
-// a mesh of its own. Points, lines, cameras and animations are skipped, and so is the image of a material that is not
-// masked if its kind is not supported.
-// Throws GltfError for a file that cannot be read, contradicts itself, has no triangles, has masked triangles without
-// texture coordinates for their texture, or asks for more than 2^20 instances or 2^26 vertices.
-// For measuring, there are no images, and masked triangles may lack texture coordinates.
+// Reads the default scene (the first if none is named; without scenes, all nodes, and without nodes, all meshes). A
+// mesh that several nodes show, or EXT_mesh_gpu_instancing shows several times, is one mesh with several instances.
+// Morph targets have their default weights. Skinned meshes are in the rest pose of their joints: each is a mesh of its
+// own. Points, lines, cameras and animations are skipped, and so is the image of a material that is not masked if its
+// kind is not supported. Throws GltfError for a file that cannot be read, contradicts itself, has no triangles, has
+// masked triangles without texture coordinates for their texture, or has more than 2^20 instances or 2^26 vertices. For
+// measuring, no images are read, and masked triangles may lack texture coordinates.
 enum class SceneUse : uint8_t { Drawing, Measuring };
 Scene readScene(const Document &document, SceneUse use = SceneUse::Drawing);
 Scene readGltf(const std::filesystem::path &path);

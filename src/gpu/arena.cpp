@@ -48,7 +48,7 @@ Arena::Place Arena::take(VkDeviceSize size, VkDeviceSize alignment)
 void Arena::give(const Place &place)
 {
     if (!intactBeside(place))
-        gpu_.fault("guard bytes have changed (beside offset " + std::to_string(place.offset) + " of buffer " +
+        gpu_.fault("guard bytes have changed (next to offset " + std::to_string(place.offset) + " of buffer " +
                    std::to_string(place.block) + ")");
     const std::lock_guard lock(mutex_);
     blocks_[place.block]->pieces.give(static_cast<size_t>(place.offset));

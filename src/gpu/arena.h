@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Memory as an application with an allocator packs it: everything side by side in few buffers, at the smallest allowed
-// alignments, and used again as soon as it is free. Every byte that nobody has is a guard byte, which must not change.
+// alignments, and used again as soon as it is free. Every byte outside the pieces is a guard byte, which must not
+// change.
 #pragma once
 
 #include "gpu/device.h"
@@ -14,7 +15,7 @@ class Arena
 {
 public:
     struct Place {
-        size_t block = 0; // which of the arena's buffers
+        size_t block = 0; // index of the arena's buffer
         VkDeviceSize offset = 0;
         const Buffer *buffer = nullptr;
     };
@@ -28,7 +29,7 @@ public:
     // Returns whether the arena can hold buffers with that usage.
     [[nodiscard]] bool packs(VkBufferUsageFlags usage) const { return (usage & ~this->usage()) == 0; }
     Place take(VkDeviceSize size, VkDeviceSize alignment);
-    // The memory is free at once: no work that uses it may be pending. Expects that the guard bytes beside it are intact.
+    // Frees the memory at once: no work that uses it may be pending. Expects that the guard bytes around it are intact.
     void give(const Place &place);
     [[nodiscard]] bool intactBeside(const Place &place) const;
     void expectIntact(const std::string &when) const;
@@ -48,7 +49,7 @@ public:
 
     struct Counts {
         uint64_t buffers = 0, pieces = 0, operations = 0;
-        uint64_t guardBytes = 0, otherBytes = 0; // that were checked
+        uint64_t guardBytes = 0, otherBytes = 0; // bytes checked so far
     };
     [[nodiscard]] Counts counts() const;
 

@@ -168,8 +168,8 @@ std::vector<std::string> seen(Device &gpu, const Structure &scene, std::span<con
             text << "hit " << r.customIndex << ' ' << r.instance << ' ' << r.geometry << ' ' << r.primitive << ' '
                  << r.t << ' ' << r.u << ' ' << r.v;
         for (const Candidate &c : r.candidates)
-            text << " asked " << c.customIndex << ' ' << c.instance << ' ' << c.geometry << ' ' << c.primitive << ' '
-                 << c.t << ' ' << c.u << ' ' << c.v;
+            text << " candidate " << c.customIndex << ' ' << c.instance << ' ' << c.geometry << ' ' << c.primitive
+                 << ' ' << c.t << ' ' << c.u << ' ' << c.v;
         out.push_back(text.str());
     }
     return out;

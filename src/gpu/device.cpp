@@ -226,7 +226,8 @@ void Device::createDevice()
         chain(vulkan13);
     }
     chain(structures);
-    chain(queries);
+    if (has(VK_KHR_RAY_QUERY_EXTENSION_NAME))
+        chain(queries);
     if (has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
         chain(pipelines);
     if (has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
@@ -333,7 +334,7 @@ void Device::createDevice()
     pipelineProperties_.pNext = nullptr;
     driver_.pNext = nullptr;
     limits_ = properties.properties.limits;
-    // On a CPU driver the host's clock is the device's own, and it includes nothing more.
+    // On a CPU driver, device timestamps are the host's clock.
     timestamps_ =
         families_[family_].timestampValidBits != 0 && properties.properties.deviceType != VK_PHYSICAL_DEVICE_TYPE_CPU;
     scratchAlignment_ = std::max(limits.minAccelerationStructureScratchOffsetAlignment, 1u);

@@ -28,9 +28,8 @@ namespace vellum::gpu
 {
 
 // Where Guarded memory is (arena.h): each piece in a buffer of its own, or all packed in few buffers, where handles are
-// as large as what they are for, or reach to the end of the buffer and are GENERIC as far as the API allows.
-// DeviceLocal: where the device reads it fastest, without guard bytes, and also what Device::upload and binding tables
-// hold.
+// as large as their objects, or reach to the end of the buffer and are GENERIC as far as the API allows. DeviceLocal:
+// where the device reads it fastest, without guard bytes; this includes the data of Device::upload and binding tables.
 enum class Memory { Apart, Packed, PackedToTheEnd, DeviceLocal };
 
 struct DeviceOptions {
@@ -157,7 +156,7 @@ public:
     [[nodiscard]] VkBuffer handle() const { return buffer_; }
     [[nodiscard]] VkDeviceMemory memory() const { return memory_; }
     [[nodiscard]] VkDeviceSize size() const { return size_; }
-    // Only where the usage holds VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT.
+    // Valid only if the usage includes VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT.
     [[nodiscard]] VkDeviceAddress address() const { return address_; }
     // Null on the device.
     [[nodiscard]] uint8_t *bytes() const { return bytes_; }
@@ -166,7 +165,7 @@ public:
     {
         return {reinterpret_cast<T *>(bytes_), static_cast<size_t>(size_) / sizeof(T)};
     }
-    // On the device by a copy, for which the usage must allow.
+    // Writes device memory by a copy, which the usage must allow.
     void write(VkDeviceSize offset, const void *content, size_t size);
     [[nodiscard]] std::vector<uint32_t> words(size_t count) const; // the first ones
 
@@ -198,7 +197,7 @@ public:
 
     operator VkQueryPool() const { return pool_; } // NOLINT
     [[nodiscard]] VkQueryType type() const { return type_; }
-    // Which must be available.
+    // The value must be available.
     [[nodiscard]] uint64_t value(uint32_t query = 0) const;
 
 private:
@@ -214,7 +213,7 @@ class Device
 public:
     // Creates an instance for the device.
     Device(InstanceOptions instance, DeviceOptions options);
-    // To draw: with micromaps by `api`, or without any, in the device's memory and without options that cost time.
+    // For drawing: with micromaps by `api`, or without, in the device's memory and without options that cost time.
     Device(const DeviceInfo &info, std::optional<Api> api);
     Device(const Device &) = delete;
     Device &operator=(const Device &) = delete;
@@ -266,12 +265,12 @@ public:
     }
     // The highest level of triangles of four states in lossy builds; 0 without VK_KHR_opacity_micromap.
     [[nodiscard]] uint32_t maxLossyLevel() const { return maxLevels_[2]; }
-    // How many there may be in a bottom-level structure, a top-level one and a micromap.
+    // The limits of a bottom-level structure, a top-level one and a micromap.
     [[nodiscard]] uint64_t maxGeometries() const { return maxGeometries_; }
     [[nodiscard]] uint64_t maxPrimitives() const { return maxPrimitives_; }
     [[nodiscard]] uint64_t maxInstances() const { return maxInstances_; }
     [[nodiscard]] uint64_t maxMicromapTriangles() const { return maxMicromapTriangles_; }
-    // Those of kVertexFormats that the device has.
+    // The formats of kVertexFormats that the device supports.
     [[nodiscard]] std::vector<VkFormat> vertexFormats() const;
     [[nodiscard]] const VkPhysicalDeviceDriverProperties &driver() const { return driver_; }
     [[nodiscard]] uint32_t scratchAlignment() const { return scratchAlignment_; }

@@ -22,12 +22,13 @@ struct DeviceInfo {
     std::string name;
     std::set<std::string> extensions;
     VkPhysicalDeviceType type = VK_PHYSICAL_DEVICE_TYPE_OTHER;
-    bool rayQuery = false; // with Vulkan 1.3 and acceleration structures
-    bool rayTracingPipelines = false;
-    bool khrMicromaps = false; // of the driver or a layer
+    bool rayQueries = false;          // with Vulkan 1.3 and acceleration structures
+    bool rayTracingPipelines = false; // likewise
+    bool khrMicromaps = false;        // of the driver or a layer
     bool extMicromaps = false;
     std::string implementation; // of micromaps, in words
 
+    [[nodiscard]] bool tracesRays() const { return rayQueries || rayTracingPipelines; }
     [[nodiscard]] bool has(Api api) const { return api == Api::Khr ? khrMicromaps : extMicromaps; }
 };
 
@@ -35,7 +36,7 @@ struct DeviceInfo {
 std::vector<DeviceInfo> listDevices(const Instance &instance);
 
 // Selects a device, as --device does: a text of digits is a number in Vulkan's list and nothing else, any other text a
-// part of a name. Of several, and without a text of all, the most powerful kind that has ray queries, and the first of
+// part of a name. Of several, and without a text of all, the most powerful kind that traces rays, and the first of
 // these.
 class DeviceSelection
 {
@@ -43,12 +44,12 @@ public:
     DeviceSelection() = default;
     explicit DeviceSelection(std::optional<std::string> text) : text_(std::move(text)) {}
 
-    // Throws std::runtime_error where there is none.
+    // Throws std::runtime_error if no device matches.
     [[nodiscard]] DeviceInfo from(std::span<const DeviceInfo> devices) const;
     [[nodiscard]] DeviceInfo from(const Instance &instance) const { return from(listDevices(instance)); }
-    // Nothing where it does not select by number.
+    // Nothing if it does not select by number.
     [[nodiscard]] std::optional<uint32_t> number() const;
-    // For the command line of another process.
+    // The option for the command line of another process.
     [[nodiscard]] const std::optional<std::string> &text() const { return text_; }
 
 private:

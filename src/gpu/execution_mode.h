@@ -16,15 +16,15 @@ enum class Mode { Absent, False, True, Specialized };
 // point, a bool type and debug names.
 std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint32_t specId = 0);
 
-// With another entry point of the same stage before the first, "other", which does nothing, and declares that mode. The
+// Adds an entry point "other" of the same stage before the first, which does nothing, and declares that mode. The
 // module must be as above.
 std::vector<uint32_t> withOtherEntry(std::span<const uint32_t> words, Mode mode);
 
-// With the mode, true, where the module has ray queries.
+// Adds the mode, true, if the module has ray queries.
 std::vector<uint32_t> withModeWhereNeeded(std::span<const uint32_t> words);
 
-// With the capability RayTracingOpacityMicromapEXT, which the ray flag ForceOpacityMicromap2State needs, also where it
-// is only set at run time.
+// Adds the capability RayTracingOpacityMicromapEXT, which the ray flag ForceOpacityMicromap2State needs, even if it is
+// only set at run time.
 std::vector<uint32_t> withMicromapFlag(std::span<const uint32_t> words);
 
 // The 32-bit specialization constant with that id is an ordinary constant of that value.

@@ -59,7 +59,7 @@ class Instance
 {
 public:
     explicit Instance(InstanceOptions options);
-    // With Vellum's layer where `wantLayer` and the loader finds it.
+    // With Vellum's layer if `wantLayer` and the loader finds it.
     explicit Instance(bool wantLayer);
     ~Instance();
     Instance(const Instance &) = delete;

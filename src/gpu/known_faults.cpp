@@ -23,7 +23,7 @@ struct OfDriver {
 constexpr std::array<OfDriver, 8> kOfDrivers{{
     {{Fault::ReportChangesAttributes,
       "a hit that an intersection shader reports and that is not accepted changes the attributes of the committed hit",
-      "attributes of such committed hits are not judged"},
+      "attributes of such committed hits are not checked"},
      VK_DRIVER_ID_MESA_LLVMPIPE,
      0,
      kNotFixed},
@@ -69,13 +69,13 @@ constexpr std::array<OfDriver, 8> kOfDrivers{{
 
 struct OfLayer {
     KnownFault known;
-    std::string_view description; // what the layer reports that it does
+    std::string_view description; // the fault as the layer reports it
 };
 
 constexpr std::array<OfLayer, 3> kOfLayer{{
     {{Fault::LayerIntersectionShaders,
       "Vellum's layer emulates: intersection shaders may lack ray flags, and run for boxes that a ray flag culls",
-      "neither is judged"},
+      "neither is checked"},
      "emulated"},
     {{Fault::LayerSerializedStructures,
       "Vellum's layer translates to VK_EXT_opacity_micromap, and rejects serializing a BLAS with micromaps",
@@ -98,7 +98,7 @@ std::vector<VkPhysicalDeviceToolProperties> toolsOf(VkPhysicalDevice device)
 
 } // namespace
 
-std::vector<KnownFault> knownFaults(VkPhysicalDevice device, bool asksTools)
+std::vector<KnownFault> knownFaults(VkPhysicalDevice device, bool includesTools)
 {
     auto driver = vkInit<VkPhysicalDeviceDriverProperties>();
     auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &driver});
@@ -108,7 +108,7 @@ std::vector<KnownFault> knownFaults(VkPhysicalDevice device, bool asksTools)
     for (const OfDriver &row : kOfDrivers)
         if (row.driver == driver.driverID && version >= row.first && version < row.end)
             faults.push_back(row.known);
-    if (!asksTools || properties.properties.apiVersion < VK_API_VERSION_1_3)
+    if (!includesTools || properties.properties.apiVersion < VK_API_VERSION_1_3)
         return faults;
     for (const VkPhysicalDeviceToolProperties &tool : toolsOf(device))
         for (const OfLayer &row : kOfLayer)

@@ -27,11 +27,12 @@ enum class Fault {
 
 struct KnownFault {
     Fault fault;
-    std::string_view text;     // what the driver or the layer does wrong
+    std::string_view text;     // the fault of the driver or the layer
     std::string_view response; // what is avoided or not checked
 };
 
-// Those of a device. asksTools: also of Vellum's layer, which is a tool of the device (Vulkan 1.3).
-std::vector<KnownFault> knownFaults(VkPhysicalDevice device, bool asksTools);
+// The known faults of a device. includesTools: also those of Vellum's layer, which is a tool of the device
+// (Vulkan 1.3).
+std::vector<KnownFault> knownFaults(VkPhysicalDevice device, bool includesTools);
 
 } // namespace vellum::gpu

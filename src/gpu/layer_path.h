@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the layer is, seen from the command: how it is turned on without any installation step.
+// Finds the layer next to the command, and turns it on without an installation.
 #pragma once
 
 #include <filesystem>
@@ -11,12 +11,13 @@ namespace vellum::gpu
 inline constexpr const char *kLayerName = "VK_LAYER_VELLUM_opacity_micromap";
 
 // The folder with the layer's manifest next to this program: the program's own in the archive for Windows, <build>/lib
-// in a build tree, or <prefix>/share/vulkan/explicit_layer.d after installation. Nothing where there is none.
+// in a build tree, or <prefix>/share/vulkan/explicit_layer.d after installation. Nothing if there is no manifest.
 std::optional<std::filesystem::path> findLayerFolder();
 
 // Adds a folder to those in which the Vulkan loader looks for explicit layers. Before the first Vulkan call.
 void addLayerFolder(const std::filesystem::path &folder);
-// The given folder, or that next to this program. Does nothing where there is no manifest, the layer may be installed.
+// Adds the given folder, or the one next to this program, to the loader's path. Does nothing if there is no manifest;
+// the layer may be installed.
 void offerLayer(const std::optional<std::filesystem::path> &folder);
 
 } // namespace vellum::gpu

@@ -11,7 +11,7 @@ namespace
 {
 
 constexpr VkDeviceSize kBlock = VkDeviceSize{8} << 20;
-constexpr VkDeviceSize kSmall = kBlock / 8; // what shares a block
+constexpr VkDeviceSize kSmall = kBlock / 8; // sizes up to this share a block
 
 } // namespace
 

@@ -138,7 +138,7 @@ void recordMicromapBuilds(const Device &gpu, VkCommandBuffer commands, std::span
     }
     std::vector<std::unique_ptr<StructureBuild>> structures;
     std::vector<VkAccelerationStructureBuildGeometryInfoKHR> infos;
-    // Not read of micromaps, but there must be as many.
+    // Ignored for micromaps, but there must be as many.
     std::vector<const VkAccelerationStructureBuildRangeInfoKHR *> ranges;
     for (size_t i = 0; i < std::max(builds.size(), others.infos.size()); ++i) {
         if (i < builds.size()) {

@@ -41,7 +41,7 @@ VkBufferUsageFlags micromapInputUsage(const Device &gpu);
 // VUID-vkCmdBuildMicromapsEXT-pInfos-07515, VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11552
 VkDeviceSize micromapInputAlignment(const Device &gpu);
 
-// At an offset in a buffer that begins at that address; `type` counts with VK_KHR_opacity_micromap only.
+// At an offset in a buffer that begins at that address; `type` is used with VK_KHR_opacity_micromap only.
 MicromapHandle
 createMicromap(const Device &gpu, VkBuffer buffer, VkDeviceAddress address, VkDeviceSize offset, VkDeviceSize size,
                VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);

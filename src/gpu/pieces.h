@@ -17,7 +17,7 @@ inline constexpr uint8_t kGuardByte = 0xa5;
 class Pieces
 {
 public:
-    // At least so many guard bytes lie between two pieces.
+    // The least number of guard bytes between two pieces.
     static constexpr size_t kGap = 16;
 
     Pieces(std::span<uint8_t> bytes, uint64_t address) : bytes_(bytes), address_(address)
@@ -25,8 +25,8 @@ public:
         std::memset(bytes.data(), kGuardByte, bytes.size());
     }
 
-    // The offset of a new piece: the lowest free place whose address is a multiple of `alignment`, if possible not one
-    // of twice that, so that nobody gets a better alignment by chance. Nothing where there is no space.
+    // The offset of a new piece: the lowest free one whose address is a multiple of `alignment`, if possible not of
+    // twice that, so that no object has a larger alignment by chance. Nothing if there is no space.
     std::optional<size_t> take(size_t size, size_t alignment)
     {
         for (const size_t better : {2 * alignment, alignment}) {
@@ -78,7 +78,7 @@ public:
         return damageIn(begin, bytes_.size());
     }
 
-    // How many bytes damage() looks at.
+    // The number of bytes that damage() checks.
     [[nodiscard]] size_t guardBytes() const
     {
         size_t bytes = bytes_.size();

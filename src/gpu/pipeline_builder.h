@@ -108,7 +108,7 @@ struct BindingRecord {
     std::vector<uint32_t> data;
 };
 
-// How the regions of a table lie in their buffer.
+// The positions of a table's regions in their buffer.
 struct TableLayout {
     uint32_t before = 0;                      // multiples of shaderGroupBaseAlignment before the first region
     bool reversed = false;                    // callable, hit, miss, ray generation records

@@ -58,8 +58,8 @@ MadePipeline makePipeline(Device &gpu, VkPipelineLayout layout, const PipelineTr
         {VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, pipeline_tracer_closest_hit},
         {VK_SHADER_STAGE_ANY_HIT_BIT_KHR, pipeline_tracer_any_hit},
         {VK_SHADER_STAGE_INTERSECTION_BIT_KHR, pipeline_tracer_intersection},
-        // For groups without any-hit shader: where two groups share an intersection stage, lavapipe (Mesa 25.0.7) runs
-        // the any-hit shader of one of them for both.
+        // For groups without any-hit shader: if two groups share an intersection stage, lavapipe (Mesa 25.0.7) runs the
+        // any-hit shader of one of them for both.
         {VK_SHADER_STAGE_INTERSECTION_BIT_KHR, pipeline_tracer_intersection},
     };
     if (setup.decoys) {

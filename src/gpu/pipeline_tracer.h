@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tracer's twin: traces rays with a ray tracing pipeline (shaders/pipeline_tracer.glsl) and gives back what its shaders
+// Tracer's twin: traces rays with a ray tracing pipeline (shaders/pipeline_tracer.glsl) and returns what its shaders
 // saw.
 #pragma once
 
@@ -36,7 +36,7 @@ struct PipelineResult : Result {
     uint32_t record; // of the closest-hit or miss shader: RecordData
     uint32_t invocations;
     uint32_t called; // the callable shader: the data of its record; with PipelineTracerSetup::callables
-    bool intact;     // the payload, where nobody was to write
+    bool intact;     // the payload, where no shader writes
 };
 
 struct TracerGroup {
@@ -69,12 +69,12 @@ struct TraceParameters {
 struct MadePipeline {
     RayPipeline pipeline;
     std::vector<uint32_t> groups;         // where each group of the setup is in the pipeline; empty: at the same place
-    std::vector<RayPipeline> libraries{}; // that it was made of
+    std::vector<RayPipeline> libraries{}; // libraries of the pipeline
 };
 
 struct PipelineTracerSetup {
     std::span<const uint32_t> raygen; // empty: run-time flags
-    // Not empty: a closest-hit or miss shader that traces the rays instead, in recursion.
+    // If not empty: a closest-hit or miss shader that traces the rays instead, in recursion.
     std::span<const uint32_t> relay;
     VkShaderStageFlagBits relayStage = VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR;
     std::optional<uint32_t> specializedFlags; // specialization constant 0 of either
@@ -109,7 +109,7 @@ public:
     static constexpr uint32_t kCallables = 3;
 
     explicit PipelineTracer(Device &gpu, const PipelineTracerSetup &setup = {});
-    // By the same pipeline, which lives as long as one of them. The setup is that of the other.
+    // Uses the pipeline of `other`, which lives as long as one of the tracers. The setup is that of the other.
     PipelineTracer(const PipelineTracer &other, const PipelineTracerSetup &setup);
 
     std::vector<PipelineResult> trace(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
@@ -128,10 +128,10 @@ public:
     [[nodiscard]] const RayPipeline &pipeline() const { return pipeline_->pipeline; }
     [[nodiscard]] const BindingTable &table() const { return *table_; }
     [[nodiscard]] const PipelineResources &resources() const { return resources_; }
-    // That an application computes for it ("Ray Tracing Pipeline Stack").
+    // The stack size that an application computes for it ("Ray Tracing Pipeline Stack").
     [[nodiscard]] uint32_t stackSize() const;
     [[nodiscard]] uint32_t rayCount() const { return push_.rayCount; }
-    // Those of the bindings 1 and more.
+    // The buffers of bindings 1 and up.
     [[nodiscard]] std::array<const Buffer *, 6> buffers() const
     {
         return {&rays_, &results_, &candidates_, &notes_, &visits_, &mores_};

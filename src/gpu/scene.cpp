@@ -43,7 +43,7 @@ uint32_t bitsOf(const VkMicromapTriangleEXT &triangle)
     return (triangle.format == kTwoState ? 1u : 2u) << (2 * triangle.subdivisionLevel);
 }
 
-// Where the bits of `own` are in the data; nothing where they are not, or are many.
+// The position of the bits of `own` in the data; nothing if it is not found or `own` is long.
 std::optional<uint32_t> findData(std::span<const uint8_t> data, std::span<const uint8_t> own, uint32_t bits)
 {
     constexpr size_t kMost = 64;
@@ -55,7 +55,7 @@ std::optional<uint32_t> findData(std::span<const uint8_t> data, std::span<const 
     return found == data.end() ? std::nullopt : std::optional(static_cast<uint32_t>(found - data.begin()));
 }
 
-constexpr uint8_t kGarbage = 0x5a; // what nobody may read
+constexpr uint8_t kGarbage = 0x5a; // must not be read
 
 uint32_t bytesOf(VkIndexType type)
 {
@@ -296,9 +296,10 @@ void Structure::create(VkDeviceSize size)
     }
     size_ = size;
     if (placedBuffer_ == VK_NULL_HANDLE)
-        storage_ = room_ && room_->size() >= size_ ? room_
-                                                   : std::make_shared<Guarded>(gpu_, size_, 256, gpu_.structureUsage());
-    room_.reset();
+        storage_ = reusedStorage_ && reusedStorage_->size() >= size_
+                       ? reusedStorage_
+                       : std::make_shared<Guarded>(gpu_, size_, 256, gpu_.structureUsage());
+    reusedStorage_.reset();
     auto create = vkInit<VkAccelerationStructureCreateInfoKHR>(
         {.buffer = placedBuffer_ != VK_NULL_HANDLE ? placedBuffer_ : storage_->buffer(),
          .offset = placedBuffer_ != VK_NULL_HANDLE ? placedOffset_ : storage_->offset(),
@@ -354,7 +355,7 @@ void Structure::record(VkCommandBuffer commands) const
 
 VkDeviceAddress Blas::upload(const void *content, size_t size, size_t alignment)
 {
-    // Where there are many geometries, their inputs share buffers: devices allow as few as 4096 allocations.
+    // With many geometries, their inputs share buffers: devices allow as few as 4096 allocations.
     constexpr size_t kManyGeometries = 128, kSharedBytes = size_t{1} << 20;
     if (inputs_.size() < kManyGeometries || size > kSharedBytes) {
         buffers_.push_back(uploadAligned(gpu(), content, size, kBuildInput, alignment));
@@ -553,7 +554,7 @@ void Tlas::prepare(std::span<const VkAccelerationStructureInstanceKHR> instances
                    VkBuildAccelerationStructureFlagsKHR flags, VkBuildAccelerationStructureModeKHR mode,
                    Arrangement arrangement, uint32_t skipped, uint32_t spare)
 {
-    // The skipped ones hold garbage: nobody may read them.
+    // The skipped ones hold garbage, which must not be read.
     std::vector<VkAccelerationStructureInstanceKHR> all(skipped);
     if (skipped > 0)
         std::memset(static_cast<void *>(all.data()), 0x5a, all.size() * sizeof(all[0]));

@@ -19,19 +19,19 @@ inline constexpr uint16_t kFourState = VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT;
 inline constexpr uint32_t kFlagTwoState = 0x10; // VK_GEOMETRY_INSTANCE_FORCE_OPACITY_MICROMAP_2_STATE_EXT
 inline constexpr uint32_t kFlagDisable = 0x20;  // VK_GEOMETRY_INSTANCE_DISABLE_OPACITY_MICROMAPS_EXT
 
-// How usage counts are stated. "Multiple elements with the same format and subdivisionLevel are allowed and the total
+// The form of usage counts. "Multiple elements with the same format and subdivisionLevel are allowed and the total
 // count for that format and subdivisionLevel is the sum of the count for each element" (VkMicromapBuildInfoEXT,
 // VkAccelerationStructureGeometryMicromapDataKHR; VkAccelerationStructureTrianglesOpacityMicromapEXT alike).
 enum UsageForm : uint32_t {
     kUsageZeros = 1,      // elements with count 0 before the others
-    kUsageSplit = 2,      // what is counted is in two elements, the second ones behind all first ones
+    kUsageSplit = 2,      // counts are split into two elements, the second ones behind all first ones
     kUsageDescending = 4, // by format and level
 };
-// Where the data of a micromap's triangles is. dataOffset is "a byte aligned value" (VkMicromapTriangleKHR).
+// The order of the data of a micromap's triangles. dataOffset is "a byte aligned value" (VkMicromapTriangleKHR).
 enum DataLayout : uint32_t {
-    kDataDescending = 1,  // that of the last triangle first
+    kDataDescending = 1,  // the data of the last triangle first
     kDataGaps = 2,        // 1 to 7 bytes of garbage between two; unused bits of a byte are garbage as well
-    kDataOverlapping = 4, // where a triangle finds its data among that of others, it has none of its own
+    kDataOverlapping = 4, // a triangle whose data occurs within that of others has none of its own
 };
 
 // The input of a micromap build.
@@ -58,7 +58,7 @@ class Micromap
 {
 public:
     Micromap(Device &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags = 0, SharedScratch *scratch = nullptr);
-    // Not to be built but copied to: of that size, with the content of `like`.
+    // For a copy, not a build: of that size, with the content of `like`.
     Micromap(Device &gpu, const Micromap &like, VkDeviceSize size);
     Micromap(const Micromap &) = delete;
     Micromap &operator=(const Micromap &) = delete;
@@ -83,7 +83,7 @@ public:
     void buildOnHost(bool deferred = false) const;
     // The buffer that the micromap lies in.
     [[nodiscard]] VkDeviceMemory storageMemory() const { return storage_.memory(); }
-    // Where it lies, and what else a build writes to.
+    // Its memory, and the scratch memory that a build writes to.
     [[nodiscard]] Arena::Range range() const { return storage_.range(); }
     [[nodiscard]] Arena::Range scratchRange() const { return scratch_->range(); }
     // Overwrites everything a build has read or used, as an application may afterwards.
@@ -156,7 +156,7 @@ public:
     void placeIn(VkBuffer buffer, VkDeviceSize offset);
     // The next create uses the other's memory, if it is large enough: two handles, and later another content, in one
     // place.
-    void useRoomOf(const Structure &other) { room_ = other.storage_; }
+    void useMemoryOf(const Structure &other) { reusedStorage_ = other.storage_; }
     // The next update reads the source, and writes a structure that is made as large; null: the same as it writes.
     void updateFrom(const Structure *source) { source_ = source; }
     // The next builds get their geometries by ppGeometries.
@@ -165,7 +165,7 @@ public:
     void shareScratch(SharedScratch *scratch) { sharedScratch_ = scratch; }
     // Makes the structure, of that size, instead of the one there is.
     void create(VkDeviceSize size);
-    // Where it lies, if not placed, and what else a build writes to. The structure's own address may be
+    // Its memory, if not placed, and the scratch memory that a build writes to. The structure's own address may be
     // elsewhere.
     [[nodiscard]] Arena::Range range() const { return {storage_->address(), size_}; }
     [[nodiscard]] Arena::Range scratchRange() const { return scratch_->range(); }
@@ -178,7 +178,7 @@ public:
     [[nodiscard]] uint32_t maxPrimitives(size_t geometry) const { return maxPrimitives_[geometry]; }
 
 protected:
-    // Makes the structure where there is none or it is too small, the scratch memory, and the build info.
+    // Creates the structure if it is missing or too small, the scratch memory, and the build info.
     void prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuildAccelerationStructureModeKHR mode,
                       std::span<const uint32_t> maxPrimitives);
     [[nodiscard]] Device &gpu() const { return gpu_; }
@@ -194,7 +194,7 @@ private:
     VkDeviceAddress address_ = 0;
     VkDeviceSize size_ = 0;
     const Structure *source_ = nullptr;
-    std::shared_ptr<Guarded> storage_, room_;
+    std::shared_ptr<Guarded> storage_, reusedStorage_;
     std::shared_ptr<Guarded> scratch_;
     SharedScratch *sharedScratch_ = nullptr;
     std::vector<uint32_t> maxPrimitives_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How long the commands of a submission take on the device.
+// Measures the commands of a submission on the device.
 #pragma once
 
 #include <functional>
@@ -14,8 +14,8 @@ struct Milliseconds {
     double wall = 0; // of everything that GpuTimer::time runs
 };
 
-// Two timestamps in a command buffer. Records nothing on a device whose timestamps are not worth more than the host's
-// clock (Device::hasTimestamps). Used for one command buffer, which may be submitted again and again.
+// Two timestamps in a command buffer. Records nothing on a device whose timestamps are not more precise than the host's
+// clock (Device::hasTimestamps). Used for one command buffer, which may be submitted repeatedly.
 class GpuTimer
 {
 public:

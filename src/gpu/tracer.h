@@ -23,9 +23,9 @@ inline constexpr uint32_t kRaySkipTriangles = 0x100;
 inline constexpr uint32_t kRaySkipBoxes = 0x200;
 inline constexpr uint32_t kRayForceTwoState = 0x400;
 
-// Where Vellum's layer emulates micromaps: in a pipeline with micromaps whose rays have different hidden flags,
-// intersection shaders do not see these, nor are they skipped by one of them (docs/limitations.md). Whether one may see
-// `seen` of a ray's flags.
+// If Vellum's layer emulates micromaps: in a pipeline with micromaps whose rays have different hidden flags,
+// intersection shaders do not see these, nor does one of them skip the shaders (docs/limitations.md). Returns whether
+// one may see `seen` of a ray's flags.
 inline bool intersectionMaySee(uint32_t seen, uint32_t flags)
 {
     return seen == flags || seen == (flags & ~(kRayOpaque | kRayCullNoOpaque | kRayForceTwoState));

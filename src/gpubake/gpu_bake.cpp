@@ -133,7 +133,7 @@ void makeMasks(Recording &recording, const GpuAlphaInfo &alpha)
     recording.run(Shader::Begin, 1, 1);
     for (uint32_t mip = 0; mip < alpha.mipLevels; ++mip) {
         const MipCells cells = cellsOf(alpha, mip);
-        constexpr uint64_t kRows = 4; // as bake_cells.comp
+        constexpr uint64_t kRows = 4; // same value as in bake_cells.comp
         recording.run(Shader::Cells, bakeMaskPitch(cells.x) * ((cells.y + kRows - 1) / kRows), 64, mip);
         for (uint32_t step = 1; step < bakeMaskSteps(cells.x, cells.y); ++step)
             recording.run(Shader::Blocks, bakeMaskWords(cells.x, cells.y, step) / 2, 64, mip, step);
@@ -147,7 +147,7 @@ void countList(Recording &recording, uint32_t triangles, uint32_t which)
     recording.run(Shader::Scan, 1, 1, which);
 }
 
-// Records the part that both ways begin with: until it is known which triangles get data.
+// Records the common part of one and two steps: until it is known which triangles get data.
 void findStates(Recording &recording, const GpuAlphaInfo &alpha, uint32_t triangles, bool specialIndices)
 {
     makeMasks(recording, alpha);

@@ -57,7 +57,7 @@ std::optional<UvFormat> uvFormatOf(VkFormat format)
     }
 }
 
-// Bytes of an index, 0 where there are none.
+// Bytes of an index, 0 without indices.
 std::optional<uint32_t> indexBytesOf(VkIndexType type)
 {
     switch (type) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From what the application asks for to the words that the shaders read (core/gpu_bake.h).
+// Converts what the application passes to the words that the shaders read (core/gpu_bake.h).
 #pragma once
 
 #include <array>

@@ -36,7 +36,7 @@ namespace
 
 using Code = std::span<const uint32_t>;
 
-// By Shader.
+// Indexed by Shader.
 constexpr std::array<Code, kShaders> kCode = {
     Code(bake_params), Code(bake_begin), Code(bake_cells), Code(bake_blocks),  Code(bake_plan),  Code(bake_count),
     Code(bake_scan),   Code(bake_place), Code(bake_probe), Code(bake_measure), Code(bake_write), Code(bake_records)};

@@ -18,7 +18,7 @@ namespace vellum::inspect
 namespace
 {
 
-// The number at the front of `text`, which loses it. Throws where there is none.
+// Removes the number at the beginning of `text` and returns it. Throws if there is none.
 uint32_t takeNumber(std::string_view &text)
 {
     uint32_t number = 0;

@@ -53,7 +53,7 @@ struct InspectedRecord {
 struct InspectedMaterial {
     int index = -1; // materials[] of the file
     Material material;
-    std::shared_ptr<const Image> image; // null where there is none or it cannot be read
+    std::shared_ptr<const Image> image; // null if there is none or it cannot be read
     std::string problem;                // why it cannot be read
 };
 
@@ -61,7 +61,7 @@ struct InspectedPrimitive {
     PrimitivePlace place;
     std::string mesh;     // the mesh's name; empty without
     uint32_t material;    // into InspectedFile::materials
-    size_t triangles = 0; // that the primitive has
+    size_t triangles = 0; // triangles of the primitive
     // For each chosen triangle: its number, its coordinates, and the target of its micromap index: an element of
     // InspectedFile::records or a special index.
     std::vector<uint32_t> numbers;
@@ -78,14 +78,14 @@ struct InspectedFile {
     std::optional<SurfaceShares> surface;
     StoredMicromaps stored;
     std::vector<InspectedMaterial> materials;
-    std::vector<InspectedPrimitive> primitives; // those with micromaps and chosen triangles, sorted by place
+    std::vector<InspectedPrimitive> primitives; // primitives with micromaps and chosen triangles, sorted by place
     std::vector<InspectedRecord> records;
     size_t meshCount = 0;
     size_t primitiveCount = 0; // made of triangles, with and without micromaps
 };
 
-// With `bake`, leaves aside what the file has and bakes it. Throws GltfError, BakeError, or Error where nothing is left
-// to look at.
+// With `bake`, ignores the micromaps of the file and bakes it. Throws GltfError, BakeError, or Error if nothing is left
+// to inspect.
 InspectedFile inspectFile(const Document &document, const Selection &selection, const DocumentBakeOptions *bake);
 
 // Returns whether it is a special index.

@@ -40,7 +40,7 @@ struct Sample {
     float depth = INFINITY;
     uint32_t color = 0;
     float shade = 0;
-    float behind = 1; // what the veils before it leave
+    float behind = 1; // the share of light that earlier veils leave
 };
 
 struct Part {

@@ -10,11 +10,11 @@
 #include "base/json_writer.h"
 #include "base/picture.h"
 #include "base/text.h"
-#include "inspect/tally.h"
 #include "gltf/file/uri.h"
 #include "inspect/mesh_picture.h"
 #include "inspect/page_data.h"
 #include "inspect/page_files.h"
+#include "inspect/tally.h"
 
 namespace vellum::inspect
 {
@@ -65,7 +65,7 @@ void writeMaterial(const InspectedFile &file, uint32_t number, const PageData &d
     json.member("problem", material.problem);
     if (material.image) {
         json.member("width", material.image->width).member("height", material.image->height);
-        // Once for all materials that have it.
+        // Stores each image once for all materials that have it.
         uint32_t first = 0;
         while (file.materials[first].image != material.image)
             ++first;

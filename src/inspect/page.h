@@ -12,7 +12,7 @@ namespace vellum::inspect
 
 std::string makePage(const Document &document, const InspectedFile &file, const PageLimits &limits = {});
 
-// With its longer edge at most `edge`, each texel the mean of a square of them.
+// The image with its longer edge at most `edge`; each texel is the mean of a square of texels.
 Image scaledDown(const Image &image, uint32_t edge);
 
 } // namespace vellum::inspect

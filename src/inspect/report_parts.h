@@ -21,7 +21,7 @@ inline constexpr const char *kReportSchema = "vellum/1";
 // Begins the object that is the whole report; the caller ends it.
 void beginReport(JsonWriter &json, const char *command);
 
-// By State.
+// Indexed by State.
 inline constexpr const char *kStateNames[] = {"transparent", "opaque", "unknownTransparent", "unknownOpaque"};
 
 // An object with a member for each State.
@@ -37,7 +37,7 @@ void writeStates(const char *name, const Values &values, JsonWriter &json)
 // "61.2 % of the alpha-tested surface is known"
 std::string describe(const SurfaceShares &surface);
 
-// "surface": null if there is none.
+// "surface": null without shares.
 void writeSurface(const std::optional<SurfaceShares> &surface, JsonWriter &json);
 
 // An element of "findings".

@@ -34,7 +34,7 @@ Tally tallyOfMaterial(const InspectedFile &file, uint32_t material);
 std::array<double, 4> stateShares(const InspectedFile &file, int32_t record);
 // 0 for a special index.
 uint64_t dataBytes(const InspectedFile &file, int32_t record);
-// In squares of the unit of UVs; 0 where it is not a finite number.
+// In squares of the unit of UVs; 0 if it is not a finite number.
 double uvArea(const TriangleUvs &uvs);
 
 } // namespace vellum::inspect

@@ -274,7 +274,7 @@ constexpr double kMostPixels = 64e6;
 constexpr uint32_t kSmallestEdge = 160;
 constexpr int kMargin = 28;      // around everything, and between panels
 constexpr int kHead = 58;        // above a panel's picture, for its name
-constexpr int kScaleWidth = 58;  // beside it
+constexpr int kScaleWidth = 58;  // next to it
 constexpr int kScaleHeight = 30; // below it
 constexpr int kLegend = 44;
 
@@ -375,20 +375,20 @@ void drawPanel(LabelledPicture &drawing, const InspectedFile &file, const Panel 
                int x, int y)
 {
     const Material &material = file.materials[panel.material].material;
-    const double room = panel.window.width;
+    const double width = panel.window.width;
     const std::string name = material.name.empty() ? "default material" : material.name;
     const auto &s = panel.tally.states;
     const std::string facts =
         fmt::format("{} triangle{}, {} unknown, cutoff {:.3g}", grouped(panel.tally.triangles),
                     panel.tally.triangles == 1 ? "" : "s", percent(s[2] + s[3]), material.alphaCutoff);
     drawing.labels.push_back(
-        {static_cast<double>(x), y + 20.0, fitText(name, kTitle, room), kTitle, kInk, Label::Anchor::Start, true});
-    drawing.labels.push_back({static_cast<double>(x), y + 44.0, fitText(facts, kNormal, room), kNormal, kFaint});
+        {static_cast<double>(x), y + 20.0, fitText(name, kTitle, width), kTitle, kInk, Label::Anchor::Start, true});
+    drawing.labels.push_back({static_cast<double>(x), y + 44.0, fitText(facts, kNormal, width), kNormal, kFaint});
     copy(drawing.picture, drawUvWindow(file, panel.material, panel.window, options.outlines), x, y + kHead);
     drawScales(drawing, panel.window, x, y + kHead);
 }
 
-// In the order in which states.glsl and the page name them.
+// In the order of their names in states.glsl and the page.
 constexpr std::array<std::pair<State, const char *>, 4> kNames = {
     {{State::Opaque, "opaque"},
      {State::Transparent, "transparent"},

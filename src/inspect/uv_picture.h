@@ -37,7 +37,7 @@ public:
     [[nodiscard]] int32_t at(size_t x, size_t y) const { return numbers_[y * window_.width + x]; }
 
 private:
-    // The first free pixel of the row from `x` on; the width where there is none.
+    // The first free pixel of the row from `x` on; the width if there is none.
     uint32_t nextFree(uint32_t *row, uint32_t x) const;
 
     UvWindow window_;
@@ -64,7 +64,7 @@ public:
         return {x * uPerU_ + y * uPerV_, x * vPerU_ + y * vPerV_};
     }
     [[nodiscard]] bool usable() const { return usable_; }
-    // How fast each weight grows, per unit of the plane: the inverse of the triangle's heights.
+    // The slope of each weight, per unit of the plane: the inverse of the triangle's heights.
     [[nodiscard]] double slopeU() const { return slopeU_; }
     [[nodiscard]] double slopeV() const { return slopeV_; }
     [[nodiscard]] double slopeW() const { return slopeW_; }
@@ -76,7 +76,7 @@ private:
     bool usable_ = false;
 };
 
-// The bounds of the selected triangles of a material; none if none of their coordinates is finite.
+// The bounds of the selected triangles of a material; nothing if none of their coordinates is finite.
 struct UvBounds {
     double left = 0, top = 0, right = 1, bottom = 1;
 };

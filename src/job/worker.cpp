@@ -100,8 +100,8 @@ int answerRequests(const std::function<void(const std::string &request, Events &
 {
     endWithParent();
     Events events;
-    bool asked = false;
-    for (std::string line; std::getline(std::cin, line); asked = true) {
+    bool hasRequest = false;
+    for (std::string line; std::getline(std::cin, line); hasRequest = true) {
         try {
             answer(line, events);
         } catch (const std::exception &error) {
@@ -109,7 +109,7 @@ int answerRequests(const std::function<void(const std::string &request, Events &
             return 1;
         }
     }
-    if (!asked)
+    if (!hasRequest)
         throw UsageError("--worker is for vellum itself");
     return 0;
 }

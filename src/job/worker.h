@@ -55,7 +55,7 @@ private:
     double waitedBefore_ = 0;
 };
 
-// Where a worker's events go.
+// The channel of a worker's events.
 class Events
 {
 public:

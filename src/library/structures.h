@@ -63,7 +63,7 @@ size_t checkedSize(const T *structure)
     if (structure == nullptr)
         throw invalid(std::string("there is no ") + Known::kName);
     const size_t size = structure->structSize;
-    // No version will be as large as what chance leaves in a structure that nobody has initialized.
+    // Larger sizes are random: the caller did not initialize the structure.
     constexpr size_t kMost = 4096;
     if (size < Known::kFirstSize || size > kMost)
         throw invalid(std::string("structSize of ") + Known::kName + " is " + std::to_string(size) +

@@ -13,13 +13,13 @@ namespace vellum::library
 {
 
 static_assert(sizeof(VellumMicromapTriangle) == sizeof(MicromapTriangle));
-// Both structures are the same, by VellumMicromapTriangle's comment and MicromapTriangle's.
+// Both structures have the same layout, as their comments state.
 inline const VellumMicromapTriangle *trianglesOf(std::span<const MicromapTriangle> triangles)
 {
     return reinterpret_cast<const VellumMicromapTriangle *>(triangles.data());
 }
 
-// How many micromap triangles there are of each format and level, or uses of them.
+// The number of micromap triangles, or of uses of them, for each format and level.
 class UsageCounts
 {
 public:

@@ -14,12 +14,12 @@ namespace vellum::render
 {
 
 struct BakedScene {
-    // By geometry. None if it is solid, if the file has none for it, and for baked ones if its vertices have alphas,
+    // By geometry. Nothing if it is solid, if the file has none for it, and for baked ones if its vertices have alphas,
     // which the baker does not support.
     std::vector<std::optional<BakeResult>> results;
     std::string extension; // of the file that they are from; empty if they were baked
 
-    // For World and Renderer; valid as long as this is not changed.
+    // For World and Renderer; valid as long as this object is unchanged.
     [[nodiscard]] std::vector<const Micromap *> micromaps() const;
     // Micro-triangles of all geometry triangles by State.
     [[nodiscard]] std::array<double, 4> stateShares() const;

@@ -51,7 +51,7 @@ float outline(const LeafStyle &style, float s)
 {
     if (s <= 0 || s >= 1)
         return 0;
-    // Two arcs that meet where the leaf is widest; the outer one ends in a drawn-out tip.
+    // Two arcs that meet where the leaf is widest; the outer one ends in a long tip.
     const float p = s < style.widest ? s / style.widest : (1 - s) / (1 - style.widest);
     return s < style.widest ? std::sqrt(p * (2 - p)) : std::pow(std::sin(p * kPi / 2), 1.35f);
 }
@@ -123,7 +123,7 @@ std::vector<Leaf> arrange(const LeafStyle &style)
         leaf.length = style.length * size;
         leaf.width = style.width * size;
         leaf.age = std::clamp(random.between(0.1f, 1.0f) * (1.15f - 0.5f * along), 0.0f, 1.0f);
-        // Within the picture, with a margin, whatever the style asks for.
+        // Keeps the leaf within the picture, with a margin, whatever its style.
         const float tipX = leaf.x + leaf.dirX * leaf.length;
         if (tipX < 0.02f || tipX > 0.98f)
             leaf.length = ((tipX < 0.5f ? 0.02f : 0.98f) - leaf.x) / leaf.dirX;
@@ -186,7 +186,7 @@ Image paintTwig(const LeafStyle &style, uint32_t size)
     return image;
 }
 
-// How a kind of plant grows. Lengths in metres, angles in radians.
+// The growth of a kind of plant. Lengths in metres, angles in radians.
 struct Habit {
     float trunkLength, trunkRadius;
     int levels;      // of branches after the trunk

@@ -104,7 +104,7 @@ public:
         const auto turn = static_cast<uint32_t>(old >> 59u);
         return (mixed >> turn) | (mixed << ((32 - turn) & 31));
     }
-    // In [low, high).
+    // A value in [low, high).
     float between(float low, float high)
     {
         return low + (high - low) * static_cast<float>(next() >> 8) * (1.0f / 16777216.0f);

@@ -34,9 +34,9 @@ std::vector<uint32_t> countInstances(const Scene &scene)
     return counts;
 }
 
-// Makes one mesh of all meshes that have one instance and are not mirrored, in the world's space and first of all: rays
-// visit one structure then where there would be many, one over the other. Leaves out instances that their transform
-// flattens (VUID-VkTransformMatrixKHR-matrix-03799) of meshes that have others.
+// Merges all meshes that have one instance and are not mirrored into the first mesh, in the world's space, so that rays
+// visit one structure and not many that overlap. Removes instances that their transform flattens
+// (VUID-VkTransformMatrixKHR-matrix-03799) of meshes that have others.
 void mergeSingleMeshes(Scene &scene)
 {
     std::vector<uint32_t> counts = countInstances(scene);
@@ -92,14 +92,14 @@ Vec3 direction(int i)
     return {r * std::cos(angle), y, r * std::sin(angle)};
 }
 
-// How much geometry there is where, coarsely: for soft ambient light, and normals that make a crown look round.
+// A coarse grid of the amount of geometry, for soft ambient light, and normals that make a crown look round.
 class Density
 {
 public:
     // `box`: around all instances.
     Density(const Scene &scene, const Box &box);
 
-    // How much of the sky is seen from a point, 0..1, by marching through the grid in some directions.
+    // The share of the sky that is visible from a point, 0..1, by marching through the grid in some directions.
     [[nodiscard]] float skyVisibility(const Vec3 &point) const;
     // Away from where there is more geometry; not normalised.
     [[nodiscard]] Vec3 outward(const Vec3 &point) const;
@@ -265,7 +265,7 @@ Vec3 turnedBack(const Transform &place, const Vec3 &normal)
     return result;
 }
 
-// How many there are of something in all instances.
+// The sum of a count over all instances.
 template <typename Count>
 uint64_t drawn(const Scene &scene, Count &&count)
 {
@@ -450,7 +450,7 @@ std::vector<Vec3> findOutline(const RenderScene &scene, float height)
     return points;
 }
 
-// By geometry: where its first instance stands.
+// By geometry: the transform of its first instance.
 std::vector<Transform> placesOf(const Scene &scene)
 {
     std::vector<Transform> places(scene.geometries.size(), kInPlace);

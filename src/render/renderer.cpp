@@ -155,9 +155,9 @@ Renderer::Frame Renderer::makeFrame(const RenderScene &scene, const RenderSettin
     Camera camera = fitCamera(scene.outline, settings.view, aspect);
     const Vec3 size = scene.bounds.size();
     const float scale = std::max({size[0], size[1], size[2], 1e-6f});
-    // Not below the ground, however the view is turned.
+    // Not below the ground, whatever the view.
     camera.origin[1] = std::max(camera.origin[1], scene.ground.positions.front()[1] + 0.02f * scale);
-    // From behind the viewer's left shoulder, a summer afternoon.
+    // From behind the viewer's left shoulder, as on a summer afternoon.
     const float azimuth = (settings.view.yaw - 62) * kPi / 180;
     const Vec3 sun = normalize({std::sin(azimuth), 0.95f, std::cos(azimuth)});
     Frame frame{};

@@ -26,21 +26,21 @@ constexpr VkSpecializationMapEntry kConstants[] = {
     {3, offsetof(TraceConstants, painting), sizeof(TraceConstants::painting)},
     {4, offsetof(TraceConstants, vertexAlphas), sizeof(TraceConstants::vertexAlphas)}};
 
-constexpr uint32_t kGroupEdge = 8; // local size of the compute shader, both ways
+constexpr uint32_t kGroupEdge = 8; // local size of the compute shader, along both axes
 
 VkSpecializationInfo specializationOf(const TraceConstants &constants)
 {
     return {static_cast<uint32_t>(std::size(kConstants)), kConstants, sizeof constants, &constants};
 }
 
-// By ray queries: one compute shader, shaders/render.comp.
+// Draws by ray queries: one compute shader, shaders/render.comp.
 class QueryPipeline final : public TracePipeline
 {
 public:
     QueryPipeline(gpu::Device &device, const TracePipelineInfo &info) : device_(device)
     {
         // With VK_EXT_opacity_micromap all ray queries consume micromaps, with VK_KHR_opacity_micromap those of shaders
-        // that declare it, which they may with that extension only.
+        // with the execution mode, which is allowed with that extension only.
         const VkShaderModule module = device.shader(
             info.micromaps && device.khr() ? std::span<const uint32_t>(render_comp_micromaps) : render_comp);
         const VkSpecializationInfo specialization = specializationOf(info.constants);
@@ -67,8 +67,8 @@ private:
     VkPipeline pipeline_ = VK_NULL_HANDLE;
 };
 
-// By a ray tracing pipeline: the ray generation shader traces and shades, the any-hit shader does the alpha test. One
-// hit group serves all geometry; what is solid is opaque and does not get to the any-hit shader.
+// Draws by a ray tracing pipeline: the ray generation shader traces and shades, the any-hit shader does the alpha test.
+// One hit group serves all geometry; solid geometry is opaque and does not reach the any-hit shader.
 class RayTracingPipeline final : public TracePipeline
 {
 public:
@@ -115,6 +115,16 @@ private:
 };
 
 } // namespace
+
+std::vector<Trace> tracesOf(const gpu::DeviceInfo &device)
+{
+    std::vector<Trace> traces;
+    if (device.rayQueries)
+        traces.push_back(Trace::Query);
+    if (device.rayTracingPipelines)
+        traces.push_back(Trace::Pipeline);
+    return traces;
+}
 
 TraceStages stagesOf(Trace trace)
 {

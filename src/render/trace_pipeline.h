@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// A pipeline that draws the picture, in one of two ways: by ray queries in a compute shader or by a ray tracing
-// pipeline.
+// A pipeline that draws the picture, by ray queries in a compute shader or by a ray tracing pipeline.
 #pragma once
 
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "gpu/device.h"
 
@@ -13,11 +13,14 @@ namespace vellum::render
 
 enum class Trace { Query, Pipeline };
 
-// Where a way of tracing takes place.
+// Those that the device has, in this order; at least one of a device that traces rays.
+std::vector<Trace> tracesOf(const gpu::DeviceInfo &device);
+
+// The stages in which a pipeline traces.
 struct TraceStages {
     VkPipelineBindPoint bindPoint;
     VkPipelineStageFlags pipelineStage;
-    VkShaderStageFlags shaders; // that see the descriptors and push constants
+    VkShaderStageFlags shaders; // stages that use the descriptors and push constants
 };
 TraceStages stagesOf(Trace trace);
 

@@ -7,9 +7,9 @@
 #include <span>
 #include <vector>
 
-#include "render/render_scene.h"
 #include "gpu/scene.h"
 #include "gpu/timer.h"
+#include "render/render_scene.h"
 
 namespace vellum::render
 {
@@ -18,7 +18,7 @@ namespace vellum::render
 class DeviceMicromap
 {
 public:
-    // Uploads it. `micromap` must be valid; where it has nothing but special indices there is no micromap object.
+    // Uploads it. `micromap` must be valid; if it has only special indices there is no micromap object.
     DeviceMicromap(gpu::Device &device, const Micromap &micromap);
 
     // Builds it. Returns how long that took, by the clock from its recording to its end.

@@ -136,19 +136,19 @@ Id CandidateFunctions::candidate(const QueryAccess &access, const Consumes &cons
     function = module_.newId();
 
     const Id boolean = types_.boolean();
-    const Id ask = module_.newId(), end = module_.newId();
+    const Id resolve = module_.newId(), end = module_.newId();
     std::vector<Id> parameters;
     const Id before = begin(access.parameterTypes, function, "vellumIfConsumed", parameters);
     const Id condition = consumption_.condition(consumes, code_);
     code_.put(spv::OpSelectionMerge, {end, spv::SelectionControlMaskNone});
-    code_.put(spv::OpBranchConditional, {condition, ask, end});
-    code_.put(spv::OpLabel, {ask});
+    code_.put(spv::OpBranchConditional, {condition, resolve, end});
+    code_.put(spv::OpLabel, {resolve});
     parameters.insert(parameters.begin(), decided);
     const Id handled = code_.value(spv::OpFunctionCall, boolean, parameters);
     code_.put(spv::OpBranch, {end});
     code_.put(spv::OpLabel, {end});
     const Id none = types_.get(spv::OpConstantFalse, {boolean});
-    code_.put(spv::OpReturnValue, {code_.value(spv::OpPhi, boolean, {handled, ask, none, before})});
+    code_.put(spv::OpReturnValue, {code_.value(spv::OpPhi, boolean, {handled, resolve, none, before})});
     code_.put(spv::OpFunctionEnd, {});
     return function;
 }

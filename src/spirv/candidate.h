@@ -15,8 +15,8 @@ namespace vellum::spirv
 
 // Ray flags that are constant in all queries of a module.
 struct RayFlagMode {
-    // The bits hidden from the driver (Opaque, CullNoOpaque, ForceOpacityMicromap2State) that all queries have;
-    // nothing if they differ or are computed. The flags are then in a variable beside each query (side_variables.h).
+    // The bits hidden from the driver (Opaque, CullNoOpaque, ForceOpacityMicromap2State) that all queries have; nothing
+    // if they differ or are computed. The flags are then in a side variable of each query (side_variables.h).
     std::optional<uint32_t> hidden;
     // All bits that concern opacity, if they are the same for all queries.
     std::optional<uint32_t> all;
@@ -31,7 +31,7 @@ struct QueryAccess {
     std::vector<Id> parameterTypes;
     Id base = 0;                   // module-scope variable, or 0: the first argument
     SideVariables::Variable flags; // side variable for flags; that of an argument is the next argument
-    SideVariables::Variable index; // side variable for the candidate's custom index, likewise; id 0: there is none
+    SideVariables::Variable index; // side variable for the candidate's custom index, likewise; id 0: none
     std::vector<Id> indices;       // ids that are valid everywhere, or 0: the next argument
     Id pointerType = 0;            // type of the pointer to the query
 };
@@ -56,7 +56,7 @@ public:
     // bool vellumProceed(query): OpRayQueryProceedKHR up to a candidate that the application must see.
     Id proceed(const QueryAccess &access, const Consumes &consumes);
 
-    // Pointers to a query and to its side variables for flags and the candidate's index; 0: there is none.
+    // Pointers to a query and to its side variables for flags and the candidate's index; 0: none.
     struct Reached {
         Id query = 0, flags = 0, index = 0;
     };

@@ -23,14 +23,14 @@ public:
     {
     }
 
-    // Adds a variable beside each ray query whose candidates' index the application gets and whose candidates are all
+    // Adds a variable for each ray query whose candidates' index the application gets and whose candidates are all
     // decided by generated functions: it is a variable that is not passed to functions and is used only in functions
-    // that always consume micromaps. False with error() set on failure.
+    // that always consume micromaps. Returns false with error() set on failure.
     bool declare();
     [[nodiscard]] const std::string &error() const { return beside_.error(); }
 
     [[nodiscard]] SideVariables::Variable beside(Id variable) const { return beside_.beside(variable); }
-    // The variable with the result of an OpRayQueryGetIntersectionInstanceCustomIndexKHR; 0: there is none.
+    // The variable with the result of an OpRayQueryGetIntersectionInstanceCustomIndexKHR; 0: none.
     [[nodiscard]] Id of(Instruction in) const;
 
 private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which ray queries consume micromaps. Entry points declare it by the execution mode OpacityMicromapIdKHR
+// Determines the ray queries that consume micromaps. Entry points declare it by the execution mode OpacityMicromapIdKHR
 // (SPV_KHR_opacity_micromap), for all functions that they reach.
 #pragma once
 

@@ -196,7 +196,7 @@ bool RayQueries::keepFlags(Instruction in, Code &out)
     return true;
 }
 
-// Stores the query's flags that the driver does not have beside the hit object. Others are harmless there.
+// Stores the query's flags that the driver does not have in the hit object's side variable. Others are harmless there.
 void RayQueries::keepInHitObject(Instruction in, Code &out)
 {
     if (!hitObjects_.inUse())

@@ -38,7 +38,7 @@ enum class Prologue {
     BoxCulling    // intersection shader
 };
 
-// Which ray queries consume micromaps.
+// The ray queries that consume micromaps.
 enum class QueriesConsume {
     Always,       // all, as with VK_EXT_opacity_micromap; the execution mode is ignored
     WhereDeclared // those of entry points with the execution mode OpacityMicromapIdKHR and a true operand

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Side variables: a uint beside each ray query or hit object of the application, for what the rewritten module must
-// know about the object.
+// Side variables: a uint for each ray query or hit object of the application, with data that the rewritten module needs
+// about the object.
 #pragma once
 
 #include <map>
@@ -30,8 +30,9 @@ class SideVariables
 public:
     SideVariables(Module &module, Types &types, Beside objects) : module_(module), types_(types), objects_(objects) {}
 
-    // Adds a variable beside each variable, and a parameter beside each parameter, that is such an object or contains
-    // some: of the same shape, with a uint in place of each object. Calls pass both. False with error() set on failure.
+    // Adds a variable for each variable, and a parameter for each parameter, that is such an object or contains some:
+    // of the same shape, with a uint in place of each object. Calls pass both. Returns false with error() set on
+    // failure.
     bool declare();
     // Declares for some variables only, which are not passed to functions.
     bool declare(const std::set<Id> &variables);
@@ -39,7 +40,7 @@ public:
     [[nodiscard]] bool inUse() const { return inUse_; }
 
     struct Variable {
-        Id id = 0;   // 0: there is none
+        Id id = 0;   // 0: none
         Id type = 0; // of the pointer
     };
     // The side variable of a variable or parameter.

@@ -7,8 +7,8 @@
 namespace vellum::spirv
 {
 
-// By exclusive or: lavapipe's traversal takes up to 15 % longer with a mask that its compiler sees through
-// (Mesa 25.0.7; computed flags that are the same for all rays).
+// By exclusive or: lavapipe's traversal takes up to 15 % longer with a mask that its compiler can evaluate (Mesa
+// 25.0.7; computed flags that are the same for all rays).
 Id removeFlags(const Module &module, Types &types, Id flags, uint32_t removed, Code &out)
 {
     if (removed == 0)
@@ -29,8 +29,8 @@ uint32_t TraceRays::hidden() const
     return force2State_ ? shared::kRayForce2State : 0;
 }
 
-// Stores the hidden flags of a ray beside its hit object and in the prefix of its payload, where the shaders that it
-// calls read them. False if the hit object or payload is not reached through a variable.
+// Stores the hidden flags of a ray in its hit object's side variable and in the prefix of its payload, where the
+// shaders that it calls read them. Returns false if the hit object or payload is not reached through a variable.
 bool TraceRays::keepFlags(Instruction in, const RayInstruction &ray, Code &out)
 {
     const bool hasPayload = ray.payload != 0 && inPayload();

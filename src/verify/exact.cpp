@@ -9,7 +9,7 @@ namespace vellum::verify
 namespace
 {
 
-// On one side of a line along an axis, the line included: coordinate * sign <= bound * sign.
+// The part on one side of a line along an axis, the line included: coordinate * sign <= bound * sign.
 template <typename Corner>
 std::vector<Corner> cut(const std::vector<Corner> &polygon, Fraction Corner::*axis, const Fraction &bound, int sign)
 {

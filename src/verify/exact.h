@@ -16,7 +16,7 @@ namespace vellum::verify
 using Fraction =
     boost::multiprecision::number<boost::multiprecision::cpp_rational_backend, boost::multiprecision::et_off>;
 
-// Which outcomes the alpha test has.
+// The possible outcomes of the alpha test.
 struct Outcomes {
     bool opaque = false;
     bool transparent = false;

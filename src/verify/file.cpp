@@ -52,7 +52,7 @@ private:
     void skip(PrimitivePlace place, const std::string &reason);
     [[nodiscard]] std::string cautionFor(PrimitivePlace place, const Primitive &primitive,
                                          const Material &material) const;
-    // One that has the same triangles and says the same of them; nothing where there is none.
+    // An earlier primitive with the same triangles and micromap indices; nothing if there is none.
     [[nodiscard]] const PrimitiveReport *twinOf(PrimitivePlace place, const std::vector<TriangleCorners> &triangles,
                                                 const Material &material);
 
@@ -69,7 +69,7 @@ private:
     std::map<uint64_t, size_t> verified_;
     // By micromap, the alphas of triangles whose vertices have equal alphas; no more than decide Options::manyAlphas.
     std::map<uint32_t, std::set<float>> alphas_;
-    uint64_t work_ = 0; // that is left
+    uint64_t work_ = 0; // remaining work
     size_t done_ = 0;   // triangles
     size_t total_ = 0;
 };
@@ -189,7 +189,7 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
     report_.primitives.push_back(std::move(report));
 }
 
-// Where the image of a material cannot be read, says why.
+// If the image of a material cannot be read, returns the error.
 std::optional<GltfError> FileVerifier::readTexels(const Material &material)
 {
     const std::optional key = material.masked() ? std::optional(textureKeyOf(material)) : std::nullopt;
@@ -265,7 +265,7 @@ FileReport FileVerifier::operator()()
     const auto &meshes = document_.model().meshes;
     for (const auto &[place, primitive] : report_.stored.primitives)
         places[meshes.at(place.mesh).primitives.at(place.primitive).material].push_back(place);
-    // Those with the same texture one after another: it is read once, and only one at a time.
+    // Sorted by texture: each is read once, and only one at a time.
     std::multimap<TextureKey, std::pair<Material, int>> materials;
     for (const auto &[number, its] : places) {
         try {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Verification of a glTF file: the structure of its micromaps, and what they say of each primitive.
+// Verification of a glTF file: the structure of its micromaps, and their states for each primitive.
 #pragma once
 
 #include <cstdint>
@@ -51,8 +51,8 @@ struct FileReport {
     std::vector<MicromapFinding> findings;
     std::vector<PrimitiveReport> primitives; // in the file's order
     std::vector<Unverified> unverified;
-    // The levels that a device must have for it: maxOpacity2StateSubdivisionLevel and maxOpacity4StateSubdivisionLevel.
-    // -1 if there are none.
+    // The levels that a device must support for it: maxOpacity2StateSubdivisionLevel and
+    // maxOpacity4StateSubdivisionLevel. -1 if no data has that format.
     int level2State = -1;
     int level4State = -1;
     // A primitive has special and other indices, so a pipeline must not be created with

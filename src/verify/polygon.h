@@ -82,19 +82,19 @@ struct Witness {
 };
 
 struct Extremes {
-    // Nothing is below the first or above the last.
+    // No value is below `floor` or above the upper bound.
     double floor;
     Witness least; // found: the true least value is between `floor` and this
     Witness most;
     double ceiling;
 };
 
-// In double precision, with nothing added for rounding. `polygon` has corners, and (x, y) is where texel f00 is.
+// In double precision, with nothing added for rounding. `polygon` has corners, and (x, y) is the position of texel f00.
 //
-// A bilinear function has no extreme inside a polygon, for its Hessian is indefinite; so its sides are looked at. On a
+// A bilinear function has no extreme inside a polygon, for its Hessian is indefinite, so only its sides matter. On a
 // side f is a quadratic, which lies between its Bernstein coefficients: the values at the ends, and the polar form of f
-// at both. Where the inner one is the furthest out, the side is divided at the turn, after which the coefficients
-// beside the turn are the extreme itself.
+// at both. If the inner one is the furthest out, the side is divided at the extreme, after which the coefficients next
+// to it are the extreme itself.
 Extremes extremesOver(const Polygon &polygon, const CellTexels &texels, double x, double y);
 
 } // namespace vellum::verify

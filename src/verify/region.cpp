@@ -12,12 +12,13 @@ namespace vellum::verify
 namespace
 {
 
-// Further away than this many texels, single precision does not tell texels apart; the baker leaves that unknown.
+// At distances of more than this many texels, single precision does not distinguish texels; the baker leaves that
+// unknown.
 constexpr double kFar = 0x1p24;
 constexpr double kImmeasurable = 0x1p40;
 // Parts of at most so many texels are looked at cell by cell.
 constexpr double kSmall = 2;
-// Where the factor changes within a triangle, small parts are divided so many times more.
+// If the factor varies within a triangle, small parts are divided this many more times.
 constexpr unsigned kFiner = 6;
 // Cells of one micro-triangle that are decided exactly, and what one is worth in parts.
 constexpr size_t kMostOpenCells = 1 << 16;
@@ -116,8 +117,8 @@ Region::Region(const Texels &texels, const TriangleCorners &triangle, const Tole
     // more for each of fewer than 60 divisions, that of a widened polygon by 64 u m more.
     slack_ = 0x1p-45 * std::max(furthest + marginX_ + marginY_, 1.0);
     // Neighbouring texels differ by no more than twice the largest, so that over a cell a value changes by less than 4
-    // times that for each texel of way. Polygons reach 3 times the slack out of a cell along both axes, and the cell
-    // beside it has another function: less than 64 in all. The values themselves have fewer than 32 roundings.
+    // times that for each texel of distance. Polygons reach 3 times the slack out of a cell along both axes, and the
+    // next cell has another function: less than 64 in all. The values themselves have fewer than 32 roundings.
     const double largest = texels.largest() * largestFactor;
     valueSlack_ = 64 * slack_ * largest + 0x1p-46 * (largest + std::max(std::abs(low_), std::abs(high_)));
 }
@@ -287,7 +288,7 @@ Range Region::lookAtCells(Search &search, const Part &part, const TexelBox &box,
         for (int64_t x = box.left; x <= box.right - next; ++x) {
             const Range values = times(texels_.range({x, x + next, y, y + next}), factors);
             if (!matters(search, values)) {
-                // For the caller all that counts is on which side it is.
+                // The caller only needs the side.
                 continue;
             }
             if (work == 0) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which outcomes the alpha test has over a micro-triangle, found by division: bounds of all texels that a box around it
-// reads settle most, a part that they leave open is divided in four, and the smallest parts are looked at cell by cell.
-// Nothing is decided by rounding: what double precision hides is decided in fractions, or stays open.
+// Determines the outcomes of the alpha test over a micro-triangle, by division: bounds of all texels that a box around
+// it reads decide most, a part that they leave open is divided in four, and the smallest parts are examined cell by
+// cell. Nothing is decided by rounding: what double precision hides is decided in fractions, or stays open.
 #pragma once
 
 #include <array>
@@ -23,8 +23,7 @@ struct Tolerances {
     double interpolation = 16.0 / (1 << 24); // of a texture coordinate, relative to the triangle's largest
 };
 
-// Which values are opaque, and which are transparent. Those between are neither, and nothing but unknown is true of
-// them.
+// The values that are opaque, and those that are transparent. Values between are neither: only unknown is true of them.
 struct AlphaRule {
     double transparentBelow = 0.5;
     double opaqueFrom = 0.5;
@@ -72,7 +71,7 @@ public:
     // The value in double precision.
     [[nodiscard]] Witness valueAt(const Part &part) const;
 
-    // How many more parts may be looked at. Huge slivers over a texture of noise would take hours.
+    // The number of further parts to examine. Huge slivers over a texture of noise would take hours.
     uint64_t work = 0;
 
 private:

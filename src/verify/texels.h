@@ -21,7 +21,7 @@ struct TexelBox {
     int64_t bottom;
 };
 
-// No value is outside. Where one is not a number or not finite: from minus to plus infinity.
+// Bounds of all values. If one is NaN or infinite: from minus to plus infinity.
 struct Range {
     double low;
     double high;
@@ -45,7 +45,7 @@ public:
     [[nodiscard]] double largest() const { return largest_; }
 
 private:
-    // One floor of a pyramid: bounds for squares of texels.
+    // One level of a pyramid: bounds for squares of texels.
     struct Floor {
         int64_t width = 0;
         int64_t height = 0;

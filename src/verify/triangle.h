@@ -12,7 +12,7 @@ namespace vellum::verify
 struct TriangleCorners {
     std::array<float, 3> u{};
     std::array<float, 3> v{};
-    std::array<float, 3> alpha{1, 1, 1}; // what the texture's value is multiplied with, interpolated
+    std::array<float, 3> alpha{1, 1, 1}; // multiplied with the texture's value, interpolated
     // The largest value in a renderer's single-precision computation of u and v: margins are relative to this, where it
     // is more than the largest coordinate.
     float terms = 0;

@@ -24,10 +24,11 @@ struct Options {
     double cutoff = 0.5;
     // Values that are nearer to the cutoff are neither opaque nor transparent (alphaMode BLEND).
     double band = 0;
-    // For margins, and for what is needlessly unknown; the baker's defaults. A claim is wrong without any.
+    // Tolerances for margins, and for findings of needlessly unknown; the baker's defaults. A wrong claim is wrong
+    // without tolerances.
     Tolerances tolerances;
     // Claims of 2-state data count as those of 4-state data: as wrong unless they hold all over the micro-triangle.
-    // Otherwise they are taken for the approximation that they usually are, and only counted.
+    // Otherwise they are treated as the approximation that they usually are, and only counted.
     bool strictTwoState = false;
     // Triangles of this micromap have more vertex alphas than the baker decides: those that are unknown as a whole are
     // not needlessly so.
@@ -59,7 +60,7 @@ struct Finding {
     uint32_t microTriangle = 0;
     uint32_t level = 0;
     bool special = false;
-    State state = State::Opaque; // what the micromap says
+    State state = State::Opaque; // claimed by the micromap
     // A place that contradicts it, or for Kind::Needless the middle, and the value there. Not a number where texture
     // coordinates or texels are not.
     double u = 0;
@@ -91,7 +92,7 @@ struct Result {
     Counts counts;
     std::vector<Finding> findings; // the first of each kind, by triangle and micro-triangle
     size_t distinct = 0;           // triangles that differ in coordinates or index
-    uint64_t work = 0;             // that was done
+    uint64_t work = 0;             // work done
 };
 
 // `micromap` must be valid and have an index for each triangle, the texture a value for each texel and at least one

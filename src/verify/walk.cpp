@@ -10,7 +10,7 @@ namespace
 {
 
 constexpr Tolerances kNone{0, 0, 0, 0};
-// How many parts of one triangle may be looked at: more than any that is not made to take long needs.
+// The number of parts of one triangle to examine: enough for every triangle that is not made to take long.
 constexpr uint64_t kWork = uint64_t{1} << 22;
 constexpr uint64_t kWorkForMicroTriangle = 64;
 // Going by is cheaper than looking.
@@ -232,8 +232,8 @@ void TriangleWalk::decideTwoState(const Branch &leaf, State state)
     }
 }
 
-// Nothing is known of where samples fall. A claim is true only where the whole texture is one; where coordinates are
-// numbers there is a truth, which is left open.
+// The locations of samples are unknown. A claim is true only if it holds for the whole texture; if coordinates are
+// finite there is a truth, which stays undecided.
 void TriangleWalk::decideUnmeasurable()
 {
     const Range all = texels_.all();

@@ -23,7 +23,7 @@ struct Claims {
 class TriangleWalk
 {
 public:
-    // No more than `work` is done, as of Options. `list` may be null.
+    // Does at most `work`, as in Options. `list` may be null.
     TriangleWalk(const Texels &texels, const TriangleCorners &triangle, const Claims &claims, const Options &options,
                  uint64_t work, std::vector<Finding> *list);
     Counts operator()();

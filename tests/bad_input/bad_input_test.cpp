@@ -16,7 +16,7 @@ class BadInput : public testing::Test
 {
 protected:
     // Renders `file` and checks the manners of the failure. `words` must be in the message.
-    void expectRefusal(const std::filesystem::path &file, const std::string &words)
+    void expectRejection(const std::filesystem::path &file, const std::string &words)
     {
         const size_t before = files();
         const Outcome outcome =
@@ -51,8 +51,8 @@ protected:
 
 TEST_F(BadInput, MissingFile)
 {
-    expectRefusal(folder / "missing.glb", "no such file");
-    expectRefusal(folder.path(), "not a file");
+    expectRejection(folder / "missing.glb", "no such file");
+    expectRejection(folder.path(), "not a file");
 }
 
 TEST_F(BadInput, TruncatedFile)
@@ -62,7 +62,7 @@ TEST_F(BadInput, TruncatedFile)
          {size_t{0}, size_t{3}, size_t{11}, size_t{19}, size_t{500}, whole.size() / 2, whole.size() - 1}) {
         SCOPED_TRACE(length);
         const std::string words = length == 0 ? "empty" : length == 3 ? "neither" : "truncated";
-        expectRefusal(write(Bytes(whole.begin(), whole.begin() + static_cast<ptrdiff_t>(length))), words);
+        expectRejection(write(Bytes(whole.begin(), whole.begin() + static_cast<ptrdiff_t>(length))), words);
     }
 }
 
@@ -71,28 +71,28 @@ TEST_F(BadInput, Garbage)
     Bytes noise;
     for (uint32_t i = 0; i < 5000; ++i)
         noise.push_back(static_cast<uint8_t>((i * 2654435761u) >> 24));
-    expectRefusal(write(noise), "neither a GLB nor a glTF file");
+    expectRejection(write(noise), "neither a GLB nor a glTF file");
     Bytes behindMagic = cardGlb();
     std::copy_n(noise.begin(), behindMagic.size() - 20, behindMagic.begin() + 20);
-    expectRefusal(write(behindMagic), "test.glb: ");
-    expectRefusal(write({'{', '"', 'a'}), "test.glb: ");
+    expectRejection(write(behindMagic), "test.glb: ");
+    expectRejection(write({'{', '"', 'a'}), "test.glb: ");
 }
 
 TEST_F(BadInput, MaskedWithoutTextureCoordinates)
 {
-    expectRefusal(write(cardGlb({{", \"TEXCOORD_0\": 1", ""}})), "no texture coordinates");
+    expectRejection(write(cardGlb({{", \"TEXCOORD_0\": 1", ""}})), "no texture coordinates");
 }
 
 TEST_F(BadInput, RejectsFilesThatAreNoImages)
 {
-    expectRefusal(write(cardGlb({{"\"byteOffset\": 92, ", "\"byteOffset\": 60, "}})), "cannot be decoded");
+    expectRejection(write(cardGlb({{"\"byteOffset\": 92, ", "\"byteOffset\": 60, "}})), "cannot be decoded");
 }
 
 TEST_F(BadInput, IndicesOutOfRange)
 {
-    expectRefusal(write(cardGlb({{"{\"bufferView\": 0, \"componentType\": 5126, \"count\": 4",
-                                  "{\"bufferView\": 0, \"componentType\": 5126, \"count\": 3"}})),
-                  "index 3 of 3 vertices");
+    expectRejection(write(cardGlb({{"{\"bufferView\": 0, \"componentType\": 5126, \"count\": 4",
+                                    "{\"bufferView\": 0, \"componentType\": 5126, \"count\": 3"}})),
+                    "index 3 of 3 vertices");
 }
 
 TEST_F(BadInput, UnwritableOutput)
@@ -171,7 +171,7 @@ TEST_F(BadInput, MicromapsWithoutTheLayer)
         const Outcome outcome = runVellum(
             {"render", "--no-layer", "--mode", "omm", "--api", api, "--size", "16x16", "--output", output().string()});
         const std::string name = api == "khr" ? "VK_KHR_opacity_micromap" : "VK_EXT_opacity_micromap";
-        // Where the driver has the extension itself, there is nothing to reject.
+        // A driver that has the extension itself accepts it.
         if (outcome.exitCode == 0)
             GTEST_SKIP() << "the driver has " << name;
         expectManners(outcome, "has no " + name);

@@ -26,7 +26,7 @@ Case smallCase()
     return c;
 }
 
-TEST(Account, SaysWhatIsDoneExpectedAndFound)
+TEST(Account, StatesStepsExpectedAndFound)
 {
     const Case c = smallCase();
     ASSERT_EQ(invalid(c), "");
@@ -106,7 +106,7 @@ const Rule kRules[] = {
      "It meets nothing.\n"},
 };
 
-TEST_P(AccountRules, AreNamed)
+TEST_P(AccountRules, NamedInTheAccount)
 {
     Case c = smallCase();
     GetParam().change(c);
@@ -118,8 +118,8 @@ TEST_P(AccountRules, AreNamed)
 INSTANTIATE_TEST_SUITE_P(, AccountRules, testing::ValuesIn(kRules),
                          [](const auto &rule) { return std::string(rule.param.name); });
 
-// What is alike is one line, however much it is.
-TEST(Account, OfManyIsShort)
+// Equal elements are listed in one line, however many there are.
+TEST(Account, ManyEqualElementsAreShort)
 {
     Case c = smallCase();
     c.steps.clear();
@@ -136,8 +136,8 @@ TEST(Account, OfManyIsShort)
     EXPECT_LT(account.size(), 2000u);
 }
 
-// What is wrong with a size says nothing of a ray.
-TEST(Account, OfASizeHasNoRay)
+// A failure about a size has no expected hit of a ray.
+TEST(Account, SizeFailuresHaveNoRay)
 {
     const std::string account =
         accountOf(smallCase(), {.cause = "x", .detail = "a build wrote beyond its micromap (...)"}, Api::Khr);
@@ -148,7 +148,7 @@ TEST(Account, OfASizeHasNoRay)
         << account;
 }
 
-// As the number of a command is written.
+// The number of a command as the account writes it.
 std::string numberText(size_t number)
 {
     const std::string text = std::to_string(number) + ". ";
@@ -156,7 +156,7 @@ std::string numberText(size_t number)
 }
 
 // Each has a numbered line for each build and each step.
-TEST(Account, NamesWhatIsUnusualInBuildsAndQueries)
+TEST(Account, NamesUnusualOptionsOfBuildsAndQueries)
 {
     Case c = smallCase();
     c.scene.micromaps[0].usage = kUsageZeros | kUsageSplit;
@@ -166,13 +166,17 @@ TEST(Account, NamesWhatIsUnusualInBuildsAndQueries)
     c.build.together = c.build.mixed = true;
     c.steps[0].outOfPlace = true;
     c.steps[1].exact = true;
-    c.queries = {
-        {.count = 2,
-         .commands = {
-             {.count = 2},
-             {.kind = QueryCommand::Kind::Write, .count = 2, .targets = {{QueryTarget::Of::Top}, {}}},
-             {.kind = QueryCommand::Kind::Copy, .first = 1, .wide = true, .availability = true, .offset = 1, .padding = 2},
-         }}};
+    c.queries = {{.count = 2,
+                  .commands = {
+                      {.count = 2},
+                      {.kind = QueryCommand::Kind::Write, .count = 2, .targets = {{QueryTarget::Of::Top}, {}}},
+                      {.kind = QueryCommand::Kind::Copy,
+                       .first = 1,
+                       .wide = true,
+                       .availability = true,
+                       .offset = 1,
+                       .padding = 2},
+                  }}};
     ASSERT_EQ(invalid(c), "");
     const std::string account = accountOf(c, {}, Api::Khr);
     for (const char *const line : {
@@ -190,13 +194,13 @@ TEST(Account, NamesWhatIsUnusualInBuildsAndQueries)
         EXPECT_NE(account.find(line), std::string::npos) << line << "\n" << account;
 }
 
-TEST(Account, OfRandomCases)
+TEST(Account, RandomCases)
 {
     for (uint32_t seed = 0; seed < 100; ++seed) {
         const Case c = randomCase(seed, 3);
         const std::string account = accountOf(c, {.cause = "x", .detail = "found", .ray = 2}, Api::Khr);
-        const size_t commands = c.scene.micromaps.size() + c.scene.objects.size() + c.steps.size() +
-                                c.queries.size() + 1;
+        const size_t commands =
+            c.scene.micromaps.size() + c.scene.objects.size() + c.steps.size() + c.queries.size() + 1;
         EXPECT_NE(account.find(numberText(commands)), std::string::npos) << account;
         EXPECT_EQ(account.find(numberText(commands + 1)), std::string::npos) << account;
         EXPECT_EQ(account.find('?'), std::string::npos) << account;

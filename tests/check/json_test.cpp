@@ -22,7 +22,7 @@ std::string errorOf(const std::string &text)
     return "no error";
 }
 
-// One triangle, hit by a ray.
+// A scene of one triangle, which one ray hits.
 Case smallCase()
 {
     Case c{.group = "small", .seed = 18446744073709551615u};
@@ -61,7 +61,7 @@ constexpr std::string_view kSmall = R"({
 }
 )";
 
-TEST(CaseJson, IsReadable)
+TEST(CaseJson, Readable)
 {
     EXPECT_EQ(toJson(smallCase()), kSmall);
 }
@@ -80,7 +80,7 @@ TEST(CaseJson, RandomCasesComeBack)
         ASSERT_EQ(invalid(c), "") << seed;
         const Case back = caseFromJson(toJson(c));
         ASSERT_EQ(toJson(back), toJson(c)) << seed;
-        // Some fields by themselves: the text could lack them.
+        // Some members are compared directly, in case the text lacks them.
         ASSERT_EQ(back.seed, c.seed);
         ASSERT_EQ(back.steps.size(), c.steps.size());
         ASSERT_EQ(back.build.threads, c.build.threads);
@@ -157,9 +157,8 @@ TEST(CaseJson, RunsAreElementsWithACount)
     ASSERT_EQ(invalid(c), "");
     const std::string text = toJson(c);
     EXPECT_LT(text.size(), 64000u);
-    for (const char *const part :
-         {"\"repeat\": 70000,", "{\"repeat\": 100, \"index\": 7, \"step\": 1}",
-          "\"repeat\": 65999, \"object\": 0", "\"repeat\": 65999,", "\"step\": [1.5, 0, 0]"})
+    for (const char *const part : {"\"repeat\": 70000,", "{\"repeat\": 100, \"index\": 7, \"step\": 1}",
+                                   "\"repeat\": 65999, \"object\": 0", "\"repeat\": 65999,", "\"step\": [1.5, 0, 0]"})
         EXPECT_NE(text.find(part), std::string::npos) << part;
     const Case back = caseFromJson(text);
     EXPECT_EQ(toJson(back), text);
@@ -170,7 +169,7 @@ TEST(CaseJson, RunsAreElementsWithACount)
     EXPECT_EQ(back.scene.micromaps[0].triangles.size(), c.scene.micromaps[0].triangles.size());
 }
 
-// What makes the small case wrong, and what is then said.
+// A replacement in the JSON of smallCase() that makes it invalid, and the expected error.
 struct Wrong {
     const char *instead;
     const char *with;

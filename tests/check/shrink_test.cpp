@@ -94,7 +94,7 @@ bool hasUnknownBetween(const Case &c)
     });
 }
 
-// How large a case is.
+// The number of elements of each kind in a case.
 struct Size {
     size_t rays, instances, objects, meshes, triangles, micromaps, micromapTriangles, states, steps;
     bool operator==(const Size &) const = default;
@@ -125,7 +125,7 @@ Size sizeOf(const Case &c)
     return size;
 }
 
-// Without flags, forms of usage counts and layouts of data that nothing needs.
+// True if nothing but the default flags, forms of usage counts and data layouts is used.
 bool isBuiltOrdinarily(const Case &c)
 {
     return c.scene.topFlags == 0 && !c.build.mixed && !c.build.together &&
@@ -139,7 +139,7 @@ bool isBuiltOrdinarily(const Case &c)
            std::ranges::none_of(c.steps, [](const Step &step) { return step.outOfPlace || step.exact; });
 }
 
-// Two results of a pool are read with a gap between them, one of them of an object.
+// True if two results of a pool are read with a gap between them, one of them of an object.
 bool readsWithGaps(const Case &c)
 {
     return std::ranges::any_of(c.queries, [](const QueryPlan &plan) {
@@ -195,7 +195,7 @@ TEST_P(Shrinking, LeavesWhatTheFailureNeeds)
         EXPECT_EQ(shrunk.runs, calls);
         EXPECT_EQ(shrunk.failures, 3u);
         EXPECT_EQ(sizeOf(shrunk.smallest), GetParam().smallest) << toJson(shrunk.smallest);
-        // What the rules do not mention is as simple as can be.
+        // Everything that the rules do not mention is reduced to its simplest value.
         EXPECT_EQ(shrunk.smallest.memory, Memory::Apart);
         EXPECT_EQ(shrunk.smallest.build.threads, 1u);
         EXPECT_EQ(shrunk.smallest.trace.method, TracePlan::Method::Query);
@@ -244,7 +244,7 @@ TEST(ShrinkingQueries, LeavesTheCommandsThatAreNeeded)
     }
 }
 
-// Of how a mesh lies in memory, only what the failure needs stays.
+// Only the part of a mesh's memory layout that the failure needs stays.
 TEST(ShrinkingLayouts, LeavesWhatTheFailureNeeds)
 {
     const struct {
@@ -292,7 +292,7 @@ bool mirrorsOddLevels(const Case &c)
     });
 }
 
-// What the lowest level shows is shown there, whatever the levels between.
+// A failure that occurs at the lowest level is reduced to it, whether or not it occurs at the levels between.
 TEST(ShrinkingLevels, FindTheLowest)
 {
     uint32_t found = 0;
@@ -390,7 +390,7 @@ TEST(ShrinkingLimits, GoesBackToACaseThatFailsAlways)
     EXPECT_LT(shrunk.smallest.scene.rays.size(), c.scene.rays.size());
 }
 
-// One that never fails each time: how often is reported.
+// A case that fails in some runs only: shrinking reports in how many.
 TEST(ShrinkingLimits, ReportsHowOftenACaseFails)
 {
     uint32_t calls = 0;

@@ -301,11 +301,11 @@ const Break kBreaks[] = {
          mesh.layout.vertexFormat = VK_FORMAT_R16G16B16A16_SNORM;
          mesh.vertices[0] = {kNan, 0, 0};
      })},
-    {"a vertex is none that VK_FORMAT_R32G32_SFLOAT has", kForTriangles<false>([](oracle::Mesh &mesh) {
+    {"a vertex has a value that VK_FORMAT_R32G32_SFLOAT cannot represent", kForTriangles<false>([](oracle::Mesh &mesh) {
          mesh.layout.vertexFormat = VK_FORMAT_R32G32_SFLOAT;
          mesh.vertices[0] = {0, 0, 1};
      })},
-    {"a vertex is none that VK_FORMAT_R16G16B16A16_SFLOAT has", kForTriangles<false>([](oracle::Mesh &mesh) {
+    {"a vertex has a value that VK_FORMAT_R16G16B16A16_SFLOAT cannot represent", kForTriangles<false>([](oracle::Mesh &mesh) {
          mesh.layout.vertexFormat = VK_FORMAT_R16G16B16A16_SFLOAT;
          mesh.vertices[0] = {0.1f, 0, 0};
      })},

@@ -35,7 +35,7 @@ size_t bakedPrimitives(const fs::path &path)
 
 } // namespace
 
-TEST(BakeCommand, WritesBesideTheInput)
+TEST(BakeCommand, WritesNextToTheInput)
 {
     const TemporaryFolder folder;
     writeFile(folder / "tree.glb", cardGlb());
@@ -125,7 +125,7 @@ TEST(BakeCommand, ReportsExclusionsThatMatchNothing)
     EXPECT_EQ(inspected.errors, "vellum: --exclude-material laef matches no material\n");
 }
 
-// One state for each triangle, in the smallest micromap that the extension has.
+// A budget of 0 leaves one state for each triangle, in the smallest micromap that the extension has.
 TEST(BakeCommand, ABudgetOfNothing)
 {
     const TemporaryFolder folder;
@@ -250,13 +250,13 @@ TEST(BakeCommand, TakesTheFilesOfAGltfAlong)
     EXPECT_EQ(bakedPrimitives(folder / "out/tree.gltf"), 1u);
     EXPECT_EQ(runVellum(bake).exitCode, 0); // again
     EXPECT_EQ(entries(folder / "out"), out);
-    // What is there and different is not replaced.
+    // An existing file with other content is not replaced.
     writeFile(folder / "out/data.bin", {'x'});
-    const Outcome refused = runVellum(bake);
-    EXPECT_EQ(refused.exitCode, 1);
-    EXPECT_EQ(refused.errorLines(), 1);
+    const Outcome rejected = runVellum(bake);
+    EXPECT_EQ(rejected.exitCode, 1);
+    EXPECT_EQ(rejected.errorLines(), 1);
     EXPECT_EQ(readFile(folder / "out/data.bin"), Bytes{'x'});
-    // Nothing is written outside of the output folder.
+    // Nothing is written outside the output folder.
     json.replace(json.find("\"data.bin\""), 10, "\"../data.bin\"");
     writeFile(folder / "data.bin", readFile(folder / "in/data.bin"));
     writeFile(folder / "in/tree.gltf", {json.begin(), json.end()});
@@ -295,7 +295,7 @@ TEST(BakeCommand, CopiesNothingThatALinkLeadsOutTo)
 }
 #endif
 
-TEST(BakeCommand, NothingThatIsReadIsWritten)
+TEST(BakeCommand, InputsAreNeverOverwritten)
 {
     const TemporaryFolder folder;
     fs::create_directories(folder / "a/sub");
@@ -313,7 +313,7 @@ TEST(BakeCommand, NothingThatIsReadIsWritten)
         EXPECT_EQ(readFile(folder / "b/sub/x.glb"), other);
         EXPECT_EQ(bakedPrimitives(folder / "b/x.glb"), 1u); // the other one is baked
     }
-    // What another input names is read, too.
+    // A file that another input refers to is an input, too, and is not overwritten.
     std::string json = writeCardGltf(folder / "c/tree.gltf");
     json.replace(json.find("disc.png"), 8, "disc.glb");
     fs::rename(folder / "c/disc.png", folder / "c/disc.glb");
@@ -349,7 +349,7 @@ TEST(BakeCommand, TheFirstOfTwoDifferentFilesWins)
     }
 }
 
-TEST(BakeCommand, WhatWasBakedMayLieBesideIt)
+TEST(BakeCommand, OutputsNextToTheInputAreNotInputs)
 {
     const TemporaryFolder folder;
     writeCardGltf(folder / "in/tree.gltf");
@@ -370,7 +370,7 @@ TEST(BakeCommand, AFolderBelowTheOutputIsSearched)
         EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
         EXPECT_EQ(entries(folder / "b"), (std::vector<std::string>{"sub", "sub/x.glb", "x.glb"}));
     }
-    // And what is baked into a folder of the input is not baked again.
+    // An output folder inside the input folder is not searched for inputs.
     for (int i = 0; i < 2; ++i)
         EXPECT_EQ(runVellum({"bake", (folder / "b/sub").string(), "-o", (folder / "b/sub/out").string()}).exitCode, 0);
     EXPECT_EQ(entries(folder / "b/sub"), (std::vector<std::string>{"out", "out/x.glb", "x.glb"}));
@@ -426,7 +426,7 @@ TEST(BakeCommand, SaysWhatLosesItsMicromap)
 namespace
 {
 
-// At level 12 the work of seconds: the disc is repeated until every micro-triangle has an edge of it.
+// A file that takes seconds to bake at level 12: the disc is repeated until every micro-triangle has an edge of it.
 Bytes slowGlb()
 {
     return cardGlb(
@@ -457,8 +457,8 @@ bool isTemporary(const std::string &name)
 }
 
 struct Interrupted {
-    int calls = 0;             // that change files
-    size_t temporaryFiles = 0; // that were left, each time the process was killed
+    int calls = 0;             // calls that change files
+    size_t temporaryFiles = 0; // files left each time the process was killed
 };
 
 // Bakes `in` to `out`, in a folder that `prepare` fills, and interrupts that by each signal at each call that changes
@@ -523,7 +523,7 @@ TEST(BakeCommand, AnInterruptedBakeLeavesTheFileThatItWouldReplace)
     EXPECT_EQ(result.temporaryFiles, 1U); // before the rename
 }
 
-TEST(BakeCommand, ABakeThatIsInterruptedWhileItWritesReportsWhatIsNotBaked)
+TEST(BakeCommand, InterruptedWriteReportsRemainingInputs)
 {
     for (const int signal : {SIGINT, SIGTERM}) {
         const TemporaryFolder folder;
@@ -545,8 +545,8 @@ TEST(BakeCommand, ABakeThatIsInterruptedWhileItWritesReportsWhatIsNotBaked)
     }
 }
 
-// What is done stays, and both that and the rest are reported.
-TEST(BakeCommand, AnInterruptedBakeReportsWhatIsDone)
+// Finished outputs stay; finished and unfinished inputs are reported.
+TEST(BakeCommand, InterruptedBakeReportsFinishedInputs)
 {
     const TemporaryFolder folder;
     fs::create_directories(folder / "in");
@@ -632,7 +632,7 @@ TEST(BakeCommand, ReplacesOnlyItsOwnOutputs)
     EXPECT_EQ(bakedPrimitives(folder / "other.glb"), 1u);
     // Now it is an output, which another bake replaces.
     EXPECT_EQ(runVellum({"bake", bake[1], bake[2], "--level", "2"}).exitCode, 0);
-    // So is an unchanged copy of the input.
+    // An unchanged copy of the input is an output, too.
     const Bytes plain = cardGlb({{"\"alphaMode\": \"MASK\"", "\"alphaMode\": \"OPAQUE\""}});
     writeFile(folder / "plain.glb", plain);
     for (int i = 0; i < 2; ++i)
@@ -677,7 +677,7 @@ TEST(BakeCommand, RequiresMicromapsOnRequest)
     EXPECT_EQ(runVellum({"bake", tree, "--require-micromaps", "--blend", "--force"}).exitCode, 0);
 }
 
-TEST(BakeCommand, IsAFilter)
+TEST(BakeCommand, FilterFromStdinToStdout)
 {
     const TemporaryFolder folder;
     writeFile(folder / "tree.glb", cardGlb());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `vellum bench` concludes from the rows of its parts, and which reports it replaces.
+// The conclusions of `vellum bench` from the rows of its parts, and the reports that it replaces.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -76,10 +76,10 @@ TEST(BenchReport, TheVerdictHasEveryLevelAndItsRange)
                                         frameRow(7, false, 0.95, 0.96, 0.97)});
     EXPECT_EQ(
         verdictOf({frames}),
-        (Sentences{"By ray queries, emulated micromaps (KHR) beside a plain alpha test: level 3 is 1.00 times as fast "
+        (Sentences{"By ray queries, emulated micromaps (KHR) compared with a plain alpha test: level 3 is 1.00 times as fast "
                    "(0.98 to 1.02, not distinguishable); level 5 is 0.80 times as fast (0.80 to 0.80); level 7 is 1.04 "
                    "times as fast (1.03 to 1.05).",
-                   "By ray queries, emulated micromaps (KHR) beside a heavy alpha test: level 3 is 1.25 times as fast "
+                   "By ray queries, emulated micromaps (KHR) compared with a heavy alpha test: level 3 is 1.25 times as fast "
                    "(1.25 to 1.25); level 5 is 2.00 times as fast (2.00 to 2.00)."}));
 }
 
@@ -174,7 +174,7 @@ TEST(BenchReport, ReplacesReportsOfAllVersions)
     EXPECT_FALSE(replaces(R"({"schema":"vellum/1)"));
 }
 
-// This program is also the part that runPartProcess starts: a fake one, whose device is how it behaves.
+// runPartProcess starts this program as the part; its device name selects its behaviour.
 int main(int count, char **words)
 {
     const std::vector<std::string_view> arguments(words, words + count);

@@ -27,7 +27,7 @@ from schema import faults, strict  # noqa: E402
 VELLUM, SCHEMA, LAYERS = sys.argv[1], strict(json.loads(pathlib.Path(sys.argv[2]).read_text(encoding="utf-8"))), sys.argv[3]
 
 
-# What is wider than its box, or lies outside of the page or of its picture, without scrolling.
+# Elements that are wider than their box and do not scroll, or that lie outside the page or their picture.
 CUT_OFF = """(() => {
   const right = document.documentElement.clientWidth;
   const outside = (inner, outer) => inner.left < outer.left - 0.5 || inner.right > outer.right + 0.5;

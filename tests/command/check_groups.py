@@ -12,8 +12,8 @@ import textwrap
 
 HEAD = """# Groups of vellum check
 
-What each group of [`vellum check`](check.md) makes, and which sentences of the specification it judges. Generated from
-`vellum check --groups` by `tests/command/check_groups.py --write`.
+The groups of cases of [`vellum check`](check.md), and the sentences of the specification that each checks. Generated
+from `vellum check --groups` by `tests/command/check_groups.py --write`.
 """
 
 
@@ -29,7 +29,7 @@ def page_of(groups):
         assert 1 <= int(quick) <= int(cases), f"{name}: {quick} cases in a quick run"
         page += f"\n## {name}\n" + paragraph(f"{summary[0].upper()}{summary[1:]}. {cases} cases of each extension, "
                                              f"{quick} of them in a quick run")
-        page += "\n\n" + paragraph("Judges: " + sentences) + "\n"
+        page += "\n\n" + paragraph("Checks: " + sentences) + "\n"
     return page
 
 

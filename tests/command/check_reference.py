@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks that the manual pages and the completions have every subcommand and every option of --help.
 
-If mandoc is installed, it must accept the pages; each shell that is installed must accept its completion, and bash is asked
+If mandoc is installed, it must accept the pages; each shell that is installed must accept its completion, and bash is queried
 for some.
 
 usage: check_reference.py VELLUM FOLDER

@@ -13,7 +13,7 @@ namespace vellum::test
 
 struct Outcome {
     int exitCode = -1; // -1: ended by a signal
-    int signal = 0;    // that one
+    int signal = 0;    // the signal's number
     std::string output;
     std::string errors;
 
@@ -21,7 +21,7 @@ struct Outcome {
     [[nodiscard]] int errorLines() const;
 };
 
-// The line of the output that begins so; empty where there is none.
+// The first line of the output with this beginning; empty if there is none.
 std::string lineOf(const Outcome &outcome, const std::string &beginning);
 
 // Runs it with these arguments, and these variables added to the environment.
@@ -36,23 +36,23 @@ Outcome runVellum(const std::vector<std::string> &arguments,
 std::optional<Outcome> interruptVellumAtCall(const std::vector<std::string> &arguments, int signal, int call,
                                              const std::string &preloaded);
 
-// No thread of it can be started.
+// Runs it where no thread can be started.
 Outcome runVellumWithoutThreads(const std::vector<std::string> &arguments);
 
 // Sends it a signal as soon as there is such a file or folder.
 Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, const std::filesystem::path &begun,
                         const std::vector<std::pair<std::string, std::string>> &environment = {});
 
-// It may have so many files open at a time.
+// Runs it with this limit on open files.
 Outcome runVellumWithOpenFiles(const std::vector<std::string> &arguments, unsigned long count);
 
-// No file that it writes may become larger than this.
+// Runs it with a limit on the size of each file that it writes.
 Outcome runVellumWithFileLimit(const std::vector<std::string> &arguments, unsigned long bytes);
 
-// Its stdout takes nothing: /dev/full.
+// Runs it with a stdout that cannot be written: /dev/full.
 Outcome runVellumToFullDevice(const std::vector<std::string> &arguments);
 
-// Its stdout is a terminal.
+// Runs it with a terminal as stdout.
 Outcome runVellumInTerminal(const std::vector<std::string> &arguments);
 #endif
 

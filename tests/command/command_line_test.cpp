@@ -24,7 +24,7 @@ bool has(const std::string &text, const std::string &part)
 
 } // namespace
 
-TEST(CommandLine, HelpCanBeAskedForInEveryWay)
+TEST(CommandLine, HelpOptionsAndCommand)
 {
     const Outcome help = runVellum({"--help"});
     EXPECT_EQ(help.exitCode, 0);
@@ -178,7 +178,7 @@ TEST(CommandLine, DirectoriesAreNotReadAsFiles)
     EXPECT_FALSE(has(info.errors, "basic_")) << info.errors;
 }
 
-TEST(CommandLine, WhatReadsFilesTakesFolders)
+TEST(CommandLine, InputsCanBeFolders)
 {
     const TemporaryFolder folder;
     std::filesystem::create_directories(folder / "deep/deeper");

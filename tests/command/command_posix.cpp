@@ -29,15 +29,15 @@ std::string textOf(const std::filesystem::path &path)
     return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// In the child, after fork.
+// Called in the child process after fork.
 [[noreturn]] void execute(std::vector<std::string> arguments,
                           const std::vector<std::pair<std::string, std::string>> &environment,
                           const std::filesystem::path &output, const std::filesystem::path &errors)
 {
     for (const auto &[name, value] : environment)
         setenv(name.c_str(), value.c_str(), 1);
-    // Under the sanitizers, only faults are wanted here; drivers keep memory to the end. Crashes on purpose end by
-    // their signal.
+    // Under the sanitizers, only faults count here; drivers keep memory to the end. Deliberate crashes end by their
+    // signal.
     setenv("ASAN_OPTIONS", "detect_leaks=0:verify_asan_link_order=0:handle_segv=0", 1);
     // Pictures are small: most of the time would go into compiling shaders. See
     // tests/layer/harness/program/test_main.cpp.

@@ -39,18 +39,18 @@ class CompareReports(unittest.TestCase):
         self.assertEqual(self.verdicts([0.99, 1, 1.01], [0.88, 0.9, 0.92]), (1, "differ"))
 
     def test_wide_overlap_is_no_agreement(self):
-        self.assertEqual(self.verdicts([0.6, 1, 1.4], [0.7, 1, 1.3]), (2, "cannot tell"))
-        self.assertEqual(self.verdicts([0.6, 1, 1.4], [1.05, 1.1, 1.15]), (2, "cannot tell"))
+        self.assertEqual(self.verdicts([0.6, 1, 1.4], [0.7, 1, 1.3]), (2, "undecided"))
+        self.assertEqual(self.verdicts([0.6, 1, 1.4], [1.05, 1.1, 1.15]), (2, "undecided"))
         self.assertEqual(self.verdicts([0.8, 1, 1.2], [1.8, 2, 2.2]), (1, "differ"))
 
     def test_a_clock_that_stands_still(self):
-        self.assertEqual(self.verdicts([None, None, None], [0.9, 1, 1.1]), (2, "cannot tell"))
+        self.assertEqual(self.verdicts([None, None, None], [0.9, 1, 1.1]), (2, "undecided"))
 
     def test_one_difference_counts(self):
         code, printed, _ = self.compare(report([0.99, 1, 1.01], [0.5, 1, 1.5], [1, 1, 1]),
                                         report([0.99, 1, 1.01], [0.5, 1, 1.5], [2, 2, 2]))
         self.assertEqual(code, 1)
-        self.assertIn("1 of 3 agree, 1 differ, 1 cannot be told.", printed)
+        self.assertIn("1 of 3 agree, 1 differ, 1 undecided.", printed)
 
     def test_other_measurements(self):
         code, _, errors = self.compare(report([1, 1, 1]), report([1, 1, 1], [1, 1, 1]))

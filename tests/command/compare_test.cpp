@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `vellum render --mode compare` prints of the times it takes. Never which times.
+// The output of `vellum render --mode compare` about times; the times themselves are not checked.
 #include <cstdio>
 
 #include "rendering.h"
@@ -9,7 +9,7 @@ using namespace vellum::test;
 namespace
 {
 
-// What the line of the ratio says.
+// The values in the line that states a ratio.
 struct Ratio {
     char median[16] = {};
     char low[16] = {};
@@ -38,7 +38,7 @@ protected:
 
 } // namespace
 
-TEST_F(Comparing, TimesAsManyPairsAsToldAfterThePictures)
+TEST_F(Comparing, RequestedNumberOfPairs)
 {
     const Ratio r = compare({"--frames", "4"});
     EXPECT_EQ(r.pairs, 4u);
@@ -55,7 +55,7 @@ TEST_F(Comparing, TimesAsManyPairsAsToldAfterThePictures)
     EXPECT_TRUE(std::filesystem::exists(folder / "a-alpha.png"));
 }
 
-TEST_F(Comparing, TimesASensibleNumberOfPairsUnlessTold)
+TEST_F(Comparing, DefaultNumberOfPairs)
 {
     const Ratio r = compare({});
     EXPECT_GE(r.pairs, 9u);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the command reports about glTF files, beyond the usual ones: what is left out, what could not be read, shares.
+// Reports of the command about glTF files beyond the usual ones: excluded primitives, unreadable parts, shares of the
+// surface.
 #include <algorithm>
 #include <cmath>
 #include <gtest/gtest.h>
@@ -79,7 +80,7 @@ double number(const JsonValue &value)
 
 } // namespace
 
-TEST_F(GltfReport, InfoOfImagesBesideTheFile)
+TEST_F(GltfReport, InfoOfSeparateImages)
 {
     writeCardGltf(folder / "card.gltf");
     const std::string bytes = std::to_string(discPng().size());
@@ -118,7 +119,7 @@ TEST_F(GltfReport, OneOfSomethingIsSingular)
     }
 }
 
-TEST_F(GltfReport, InspectCountsWhatLiesBesideAGltf)
+TEST_F(GltfReport, InspectCountsSeparateFiles)
 {
     writeCardGltf(folder / "card.gltf");
     run({"bake", in("card.gltf"), "-o", in("baked.gltf")});
@@ -135,7 +136,7 @@ TEST_F(GltfReport, InspectCountsWhatLiesBesideAGltf)
     EXPECT_TRUE(has(textOf(folder / "page.html"), "\"bytes\":" + std::to_string(bytes) + ","));
 }
 
-TEST_F(GltfReport, InspectWritesWhereItIsToldTo)
+TEST_F(GltfReport, InspectWritesToTheOutputOption)
 {
     write("card.glb");
     run({"inspect", in("card.glb"), "--bake", "-o", in("a.html")});
@@ -183,7 +184,7 @@ TEST_F(GltfReport, SharesHaveOneOrderAndAreLabelled)
                     "of triangles, each counted alike"));
 }
 
-// The card has an area of 4, the triangle that is left out one of 2; the node scales both.
+// The card has an area of 4, the excluded triangle one of 2; the node scales both.
 TEST_F(GltfReport, SharesOfTheSurfaceIncludeSkippedPrimitives)
 {
     write("card.glb", {{kWood, R"({"name": "wood", "alphaMode": "BLEND"})"},
@@ -206,7 +207,7 @@ TEST_F(GltfReport, SharesOfTheSurfaceIncludeSkippedPrimitives)
     EXPECT_TRUE(has(run({"inspect", in("card.omm.glb"), "-o", in("a.html")}).output, text)) << text;
 }
 
-TEST_F(GltfReport, NothingReadableFails)
+TEST_F(GltfReport, UnreadableFilesFail)
 {
     writeCardGltf(folder / "card.gltf", {0xab, 'K', 'T', 'X', ' ', '2', '0', 0xbb, '\r', '\n', 0x1a, '\n'});
     const Outcome bake = run({"bake", in("card.gltf"), "-o", in("out.gltf"), "--report"}, 1);
@@ -214,7 +215,7 @@ TEST_F(GltfReport, NothingReadableFails)
     EXPECT_TRUE(has(bake.errors, "card.gltf: none of its alpha-tested primitives could be baked: mesh 0 primitive 0: "))
         << bake.errors;
     EXPECT_TRUE(has(bake.errors, "KTX2")) << bake.errors;
-    // What was left out on purpose is no failure.
+    // An excluded material is not an error.
     write("card.glb", {{kMask, kBlend}});
     EXPECT_EQ(run({"bake", in("card.glb")}).errors, "");
 }
@@ -252,7 +253,7 @@ TEST_F(GltfReport, ExactUsesAll16Bits)
     };
     EXPECT_EQ(bake(), 1);
     run({"verify", "--exact", "--strict", in("out.gltf")});
-    // What is true of this texture is wrong of the next one.
+    // Micromaps of the first texture are wrong for this one.
     writeFile(folder / "disc.png", png16(0x80c4));
     run({"verify", "--exact", in("out.gltf")}, 4);
     EXPECT_EQ(bake(), 0);
@@ -265,7 +266,7 @@ TEST_F(GltfReport, ExactUsesAll16Bits)
     EXPECT_EQ(bake(), 1);
 }
 
-TEST_F(GltfReport, NothingIsUnknownWhereAllOrNoAlphasPass)
+TEST_F(GltfReport, NoUnknownsIfAllOrNoAlphasPass)
 {
     const auto unknown = [&](const std::string &cutoff) {
         write("card.glb", {{"0.25,\n", cutoff + ",\n"}});
@@ -319,7 +320,7 @@ TEST_F(GltfReport, ACutoffForBlendIsACaution)
     EXPECT_EQ(number(glass["states"]["opaque"]), 1);
     EXPECT_TRUE(has(glass["caution"].string().value_or(""), words)) << json.output;
     EXPECT_TRUE(has(run(arguments).output, "caution")) << "without a report";
-    // By the rule that holds without one, that is wrong.
+    // Without --blend-cutoff, the default rule applies, under which it is wrong.
     EXPECT_TRUE(has(run({"verify", in("card.omm.glb")}, 4).output, "wrong: mesh 0 primitive 1"));
     EXPECT_TRUE(has(run({"verify", "--blend-cutoff", "0.5", in("card.omm.glb")}).output, "caution: mesh 0 primitive"));
     run({"verify", "--blend-cutoff", "0.5", "--strict", in("card.omm.glb")}, 5);
@@ -343,8 +344,7 @@ TEST_F(GltfReport, CountsAndOffsetsHave64Bits)
     EXPECT_TRUE(has(run({"bake", in("card.glb")}, 1).errors, "is decompressed to 8000000004 bytes"));
 }
 
-// What gltf-pipeline makes of a file with micromaps: it keeps the extensions that it does not know, and drops what
-// only they refer to.
+// A file as gltf-pipeline leaves it: it keeps extensions that it does not know, and drops data that only they refer to.
 TEST_F(GltfReport, MicromapsThatLostTheirData)
 {
     write("card.glb");

@@ -35,7 +35,7 @@ protected:
         outcome = render(std::move(options));
         return readPng(folder / "a.png");
     }
-    // Of a line like "candidates  1.720 per pixel on average, at most 36, without micromaps".
+    // The mean in a line like "candidates  1.720 per pixel on average, at most 36, without micromaps".
     [[nodiscard]] double meanOf(const char *which) const
     {
         const size_t end = outcome.output.find(which);

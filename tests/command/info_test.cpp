@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `vellum info`: what it says of this machine and of files, and its exit code where something is wrong.
+// `vellum info`: its output about this machine and about files, and its exit code on errors.
 #include <cstring>
 #include <fstream>
 
@@ -54,7 +54,7 @@ TEST_F(Info, SaysWhoBringsMicromapsAndHowToTurnThemOn)
     EXPECT_TRUE(has(outcome.output, "export VK_INSTANCE_LAYERS=VK_LAYER_VELLUM_opacity_micromap")) << outcome.output;
     EXPECT_TRUE(has(outcome.output, "subdivision level 12 with 2 states")) << outcome.output;
 
-    // What it says is what helps: the loader finds the layer then, and it is on.
+    // The printed variables work: with them the loader finds the layer and it is turned on.
     const std::string line = lineOf(outcome, "turn it on");
     const size_t at = line.find("VK_ADD_LAYER_PATH=");
     ASSERT_NE(at, std::string::npos) << outcome.output;
@@ -134,6 +134,6 @@ TEST_F(Info, FilesThatAreWrong)
     writeFile(folder / "index.glb", cardGlb({{"\"indices\": 2", "\"indices\": 20"}}));
     const Outcome wrong = runVellum({"info", in("cut.glb"), in("index.glb")});
     EXPECT_EQ(wrong.exitCode, 1);
-    EXPECT_EQ(wrong.errorLines(), 1) << wrong.errors; // the other file is told of all the same
+    EXPECT_EQ(wrong.errorLines(), 1) << wrong.errors; // the other file is reported nevertheless
     EXPECT_TRUE(has(wrong.output, "unreadable  mesh 0 primitive 0: ")) << wrong.output;
 }

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// A program for `vellum run`: uses micromaps as its arguments say, in each of their order.
-//   right    makes a device and asks for the sizes of a micromap
-//   error    asks for those of a micromap of a kind that does not exist, which the layer rejects
-//   warning  allocates memory by flags that the layer does not reach
+// A program for `vellum run`. It uses micromaps as its arguments say, in their order.
+//   right    creates a device and queries the sizes of a micromap
+//   error    queries the sizes of a micromap of a type that does not exist, which the layer rejects
+//   warning  allocates memory with flags that the layer tolerates
 //   both     does the last two in two other processes
 //   crash    writes to address 0
-//   words, variables: prints all arguments behind this one, or the environment variables that they name
+//   words, variables: prints all arguments after this one, or the environment variables that they name
 #include <cstdio>
 #include <cstdlib>
 #include <string>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How `render --mode compare` sums up what it has timed, with times that are made up.
+// The summary of invented times by `render --mode compare`.
 #include <gtest/gtest.h>
 #include <thread>
 
@@ -30,7 +30,7 @@ TEST(Statistics, MedianAndQuartiles)
     EXPECT_EQ(quartiles({1, 2}).low, 1.25);
 }
 
-// A machine that slows down all the time: what takes twice as long does so all the same.
+// A machine that slows down all the time: a side that takes twice as long does so nevertheless.
 TEST(PairedTiming, DriftCancels)
 {
     PairedTiming timing(scripted({10, 12, 14, 16}), scripted({22, 26, 30}));
@@ -52,7 +52,7 @@ TEST(PairedTiming, OneDisturbanceDoesNotMoveTheRatio)
     EXPECT_DOUBLE_EQ(timing.ratio().high, 1.1);
 }
 
-// Of a normal distribution: quartiles at 0.674 deviations, here 0.674 % of the ratio.
+// For a normal distribution: quartiles at 0.674 deviations, here 0.674 % of the ratio.
 TEST(PairedTiming, UncertaintyShrinksWithTheRootOfThePairs)
 {
     const auto after = [](size_t pairs) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `vellum render` draws and counts, by ray queries and by a ray tracing pipeline.
+// Pictures and counts of `vellum render`, by ray queries and by a ray tracing pipeline.
 #include <tuple>
 
 #include "rendering.h"
@@ -26,7 +26,7 @@ TEST_P(RenderingBy, MicromapsChangeNoPixel)
     }
 }
 
-// The same pictures, by as many calls of the shader: micromaps that are ignored change no pixel either.
+// Both extensions give the same pictures with equally many shader calls. Ignored micromaps change no pixel either.
 TEST_P(RenderingBy, EitherExtensionIsTheSame)
 {
     const std::filesystem::path output = folder / "picture.png";
@@ -51,7 +51,7 @@ TEST_P(RenderingBy, EitherExtensionIsTheSame)
 INSTANTIATE_TEST_SUITE_P(Traces, RenderingBy, testing::Values("query", "pipeline"),
                          [](const auto &test) { return test.param; });
 
-TEST_F(Rendering, UsesKhrUnlessTold)
+TEST_F(Rendering, UsesKhrByDefault)
 {
     const Outcome outcome = render("query", {"--level", "2", "--output", (folder / "picture.png").string()});
     EXPECT_NE(lineOf(outcome, "micromaps").find("VK_KHR_opacity_micromap"), std::string::npos) << outcome.output;

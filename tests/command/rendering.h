@@ -18,7 +18,7 @@ class Rendering : public testing::Test
 protected:
     // A small picture of the grove, which must succeed: leaves, solid wood, ground and sky.
     [[nodiscard]] static Outcome render(std::vector<std::string> options);
-    // One frame of it.
+    // Renders one frame.
     [[nodiscard]] static Outcome render(const std::string &trace, std::vector<std::string> options);
 
     TemporaryFolder folder;

@@ -21,7 +21,7 @@ constexpr int kCrashed = 128 + 11; // SIGSEGV
 constexpr const char *kListSeparator = ":";
 #endif
 
-// With these options, a program of the tests that uses micromaps so.
+// Runs a program of the tests with these options of `vellum run`; `uses` are the program's arguments.
 Outcome runProgram(std::vector<std::string> options, const std::vector<std::string> &uses,
                    const std::vector<std::pair<std::string, std::string>> &environment = {})
 {
@@ -207,7 +207,7 @@ TEST(Run, ASignalToTheCommandAloneReachesTheProgram)
     EXPECT_EQ(outcome.exitCode, 5);
 }
 
-TEST(Run, WithoutTheLayerNothingRuns)
+TEST(Run, NeedsTheLayer)
 {
     const TemporaryFolder folder;
     const Outcome outcome = runVellum({"run", "--layer-path", folder.path().string(), "--", "echo", "run"},
@@ -216,8 +216,8 @@ TEST(Run, WithoutTheLayerNothingRuns)
     EXPECT_EQ(outcome.exitCode, kNotRun) << outcome.errors;
 }
 
-#ifndef _WIN32 // asks the system for the folder
-TEST(Run, WithoutAFileForMessagesNothingRuns)
+#ifndef _WIN32 // queries the system for the folder
+TEST(Run, NeedsAFileForMessages)
 {
     const Outcome outcome = runVellum({"run", "--", "echo", "run"}, {{"TMPDIR", "/nowhere"}});
     EXPECT_EQ(outcome.exitCode, kNotRun);

@@ -98,7 +98,7 @@ TEST_F(SpirvCommand, StandardStreams)
     EXPECT_EQ(modeOf(out), spirv::MicromapMode{When::Always});
 }
 
-// As compilers do; but not the input, nor what is no module.
+// An existing module is replaced, as compilers do. The input itself and files that are not modules are not replaced.
 TEST_F(SpirvCommand, ReplacesModules)
 {
     EXPECT_EQ(run({"--enable-micromaps", queries, "-o", out}).exitCode, 0);
@@ -134,7 +134,7 @@ TEST_F(SpirvCommand, Rewrites)
     EXPECT_EQ(whole.exitCode, 0) << whole.errors;
     EXPECT_TRUE(has(whole.output, "the output needs the layer")) << whole.output;
     EXPECT_GT(readModule(out).size(), readModule(queries).size());
-    // Without the mode, ray queries of KHR are no concern of the layer, except for custom indices.
+    // Without the execution mode, the layer changes ray queries of KHR only for custom indices.
     EXPECT_EQ(run({"--rewrite", "--api", "khr", queries, "-o", folder / "khr.spv"}).exitCode, 0);
     EXPECT_LT(readModule(folder / "khr.spv").size(), readModule(out).size());
     EXPECT_EQ(run({"--rewrite", "--stage", "any-hit", anyHit, "-o", folder / "stage.spv"}).exitCode, 0);
@@ -169,7 +169,7 @@ TEST_F(SpirvCommand, LintFindsInvalidModes)
     constexpr uint32_t kModeId = 4u << 16 | 331, kMode = 6031;
     for (size_t at = 5; at + 3 < words.size(); ++at)
         if (words[at] == kModeId && words[at + 2] == kMode)
-            words[at + 3] = words[at + 1]; // the entry point is no constant
+            words[at + 3] = words[at + 1]; // the entry point's id is not a constant
     const auto *bytes = reinterpret_cast<const uint8_t *>(words.data());
     writeFile(folder / "wrong.spv", {bytes, bytes + words.size() * 4});
     const Outcome outcome = run({"--lint", folder / "wrong.spv"});

@@ -29,7 +29,7 @@ const char *const kNone = "| differing pixels               |              |    
 
 } // namespace
 
-TEST_F(StoredMicromaps, AreUsedUnlessOthersAreAskedFor)
+TEST_F(StoredMicromaps, UsedUnlessABakeIsRequested)
 {
     bake();
     const Outcome stored = compare();
@@ -52,7 +52,7 @@ TEST_F(StoredMicromaps, WrongClaimsAreSeen)
     bake();
     Bytes file = readFile(folder / "card.omm.glb");
     std::string text(file.begin(), file.end());
-    // Another texture than the one that was baked: transparent where it was opaque.
+    // Replaces the baked texture by one that is transparent where it was opaque.
     const size_t at = text.find("\"alphaCutoff\": 0.25");
     ASSERT_NE(at, std::string::npos);
     text.replace(at, 19, "\"alphaCutoff\": 0.95");

@@ -50,7 +50,7 @@ bool has(const std::string &text, const std::string &part)
 
 } // namespace
 
-TEST_F(VerifyCommand, IsContentWithWhatTheBakerMakes)
+TEST_F(VerifyCommand, AcceptsOutputOfTheBaker)
 {
     for (const std::vector<std::string> &arguments : {std::vector<std::string>{}, {"--strict"}}) {
         const Outcome outcome = verify(card, arguments);
@@ -62,7 +62,7 @@ TEST_F(VerifyCommand, IsContentWithWhatTheBakerMakes)
     }
 }
 
-TEST_F(VerifyCommand, SaysWhatIsWrongAndWhere)
+TEST_F(VerifyCommand, ReportsErrorsWithLocation)
 {
     const uint32_t micro = change(card, State::Opaque, State::Transparent);
     const Outcome outcome = verify(card);
@@ -73,7 +73,7 @@ TEST_F(VerifyCommand, SaysWhatIsWrongAndWhere)
     EXPECT_TRUE(has(outcome.output, "cutoff 0.5")) << outcome.output;
 }
 
-TEST_F(VerifyCommand, ListsAsManyAsAskedFor)
+TEST_F(VerifyCommand, ListsTheRequestedNumber)
 {
     card.cards = 3;
     change(card, State::Opaque, State::Transparent);
@@ -91,7 +91,7 @@ TEST_F(VerifyCommand, ListsAsManyAsAskedFor)
     EXPECT_EQ(lines(verify(card, {"--max-findings", "0"}).output), 0u);
 }
 
-TEST_F(VerifyCommand, StrictTellsOfWhatCouldBeBetter)
+TEST_F(VerifyCommand, StrictReportsPossibleImprovements)
 {
     // Baked without tolerances: true, but not with them.
     const CardFile bold = baked(BakeOptions{}.exactly());
@@ -99,7 +99,7 @@ TEST_F(VerifyCommand, StrictTellsOfWhatCouldBeBetter)
     EXPECT_TRUE(has(verify(bold).output, "outside the margins:"));
     EXPECT_EQ(verify(bold, {"--strict"}).exitCode, 5);
     EXPECT_EQ(verify(bold, {"--strict", "--exact"}).exitCode, 0);
-    // And the other way round, needlessly unknown.
+    // The strict margins are needlessly unknown under --exact.
     EXPECT_EQ(verify(card, {"--exact"}).exitCode, 0);
     EXPECT_TRUE(has(verify(card, {"--exact"}).output, "needlessly unknown:"));
     EXPECT_EQ(verify(card, {"--strict", "--exact"}).exitCode, 6);
@@ -114,7 +114,7 @@ TEST_F(VerifyCommand, StrictTellsOfWhatCouldBeBetter)
     EXPECT_EQ(verify(plain, {"--strict"}).exitCode, 7);
 }
 
-TEST_F(VerifyCommand, TellsABrokenStructure)
+TEST_F(VerifyCommand, ReportsABrokenStructure)
 {
     card.usageCounts = "[9]";
     const Outcome outcome = verify(card);
@@ -133,13 +133,13 @@ TEST_F(VerifyCommand, TwoStateDataIsAnApproximation)
     EXPECT_EQ(verify(two, {"--strict-2-state"}).exitCode, 4);
 }
 
-TEST_F(VerifyCommand, WhatCannotBeReadIsSaidInOneLine)
+TEST_F(VerifyCommand, UnreadableFilesGiveOneLine)
 {
     const Outcome none = runVellum({"verify", (folder / "none.glb").string()});
     EXPECT_EQ(none.exitCode, 1);
     EXPECT_EQ(none.errorLines(), 1);
     EXPECT_TRUE(has(none.errors, "none.glb")) << none.errors;
-    // The others are looked at all the same, and the worst is told.
+    // The other files are verified nevertheless, and the exit code is that of the worst result.
     change(card, State::Opaque, State::Transparent);
     const Outcome both = verify(card, {(folder / "none.glb").string()});
     EXPECT_EQ(both.exitCode, 1);
@@ -179,7 +179,7 @@ TEST_F(VerifyCommand, PrintsJsonForMachines)
     EXPECT_EQ(broken.root()["files"].children().at(0)["exitCode"].integer(), 3);
 }
 
-// What was verified is not all that can be drawn.
+// Micromaps are verified against one material; other materials may be drawn.
 TEST_F(VerifyCommand, StrictTakesCautionsForOpenClaims)
 {
     card.material += R"(, "extensions": {"KHR_materials_pbrSpecularGlossiness": {"glossinessFactor": 1}})";

@@ -23,7 +23,7 @@
 namespace
 {
 
-// By vellum::State; the colours of `vellum inspect` and `vellum render --mode states`.
+// Indexed by vellum::State; the colours of `vellum inspect` and `vellum render --mode states`.
 constexpr std::array<const char *, 4> kColors = {"#56b4e9", "#0072b2", "#f0e442", "#d55e00"};
 constexpr std::array<const char *, 4> kNames = {"transparent", "opaque", "unknown-transparent", "unknown-opaque"};
 constexpr uint32_t kTexels = 128;

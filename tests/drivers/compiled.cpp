@@ -69,7 +69,7 @@ std::string useGpu(const std::string &gpu, vt::Options &options)
         return driver.name + " is not installed (Debian: mesa-vulkan-drivers)";
     kernel::install(gpu);
     options.absentGpu = gpu;
-    // It is about GPUs that the kernel has another driver for, too.
+    // The message is about GPUs that another kernel driver supports as well.
     setenv("INTEL_XE_IGNORE_EXPERIMENTAL_WARNING", "1", 1);
     // VK_LAYER_PATH would hide VK_ADD_LAYER_PATH; implicit layers of this machine are not wanted.
     unsetenv("VK_LAYER_PATH");

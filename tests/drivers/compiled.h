@@ -23,7 +23,7 @@ Driver driverOf(const std::string &gpu);
 // the layers of this build, from the next instance on. Gives back why it cannot; nothing if it can.
 std::string useGpu(const std::string &gpu, vt::Options &options);
 
-// What VK_KHR_pipeline_executable_properties reports about a shader.
+// One shader as reported by VK_KHR_pipeline_executable_properties.
 struct Executable {
     std::string name;
     VkShaderStageFlags stages = 0;
@@ -49,11 +49,11 @@ private:
 class Compiled
 {
 public:
-    // One entry point of a module, in a compute pipeline.
+    // A compute pipeline of one entry point of a module.
     static Compiled compute(vt::Device &gpu, std::span<const uint32_t> words, const std::string &entry = "main");
     // A fragment shader behind a vertex shader that writes nothing that it reads.
     static Compiled graphics(vt::Device &gpu, std::span<const uint32_t> vertex, std::span<const uint32_t> fragment);
-    // Where `setup` has no layout, it gets one that is made for its stages.
+    // If `setup` has no layout, creates one for its stages.
     static Compiled rays(vt::Device &gpu, vt::PipelineSetup setup);
 
     Compiled(Compiled &&other) noexcept;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every shader that the layer has or makes, through compilers for GPUs: Mesa's RADV, ANV and turnip, for GPUs of
-// several generations of AMD's, Intel's and Qualcomm's, none of which has to be there. A device on which nothing runs
-// is enough to see that modules are rewritten and compiled; what shaders do, the tests on lavapipe tell.
+// Every shader of the layer, built in or rewritten, through compilers for GPUs: Mesa's RADV, ANV and turnip, for
+// several generations of AMD, Intel and Qualcomm GPUs. No such GPU is needed. A device on which nothing runs is enough
+// to see that modules are rewritten and compiled; the tests on lavapipe check what shaders do.
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -43,7 +43,7 @@ namespace
 namespace fs = std::filesystem;
 
 struct Device {
-    const char *name; // as useGpu knows it
+    const char *name; // the name for useGpu
     bool emulated;    // it has nothing to trace rays with
     vt::Api api = vt::Api::Ext;
 };
@@ -70,7 +70,7 @@ protected:
             GTEST_SKIP() << whyNot;
         options.api = GetParam().api;
         options.newer = true; // VkPipelineCreateFlags2CreateInfo
-        // To see whose fault a failure is.
+        // Tells failures of the driver from those of the layer.
         if (std::getenv("VELLUM_TEST_WITHOUT_LAYER") != nullptr)
             options.vellum = options.micromaps = false;
         gpu_ = std::make_unique<vt::Gpu>(options);
@@ -89,7 +89,7 @@ protected:
     vt::Gpu &gpu() { return *gpu_; }
     [[nodiscard]] bool hasPipelines() const { return gpu_->has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME); }
 
-    // There is code for a shader at least, and the compiler reports on it.
+    // At least one shader has code, and the compiler reports statistics about it.
     static void expectCode(const Compiled &pipeline)
     {
         uint64_t instructions = 0;
@@ -163,7 +163,7 @@ private:
     std::unique_ptr<vt::Gpu> gpu_;
 };
 
-// Whose modules are the same for both extensions.
+// Modules that are the same for both extensions.
 class CompilerModules : public Compiler
 {
 };
@@ -181,7 +181,7 @@ vt::PipelineSetup tracer()
                     {VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, compiler_tracer_closest_hit},
                     {VK_SHADER_STAGE_ANY_HIT_BIT_KHR, compiler_tracer_any_hit},
                     {VK_SHADER_STAGE_INTERSECTION_BIT_KHR, compiler_tracer_intersection}};
-    // Of triangles with and without an any-hit shader of the application's, and of boxes.
+    // Groups of triangles with and without an application's any-hit shader, and of boxes.
     setup.groups = {{.general = 0},
                     {.general = 1},
                     {.closestHit = 2, .anyHit = 3},
@@ -246,7 +246,7 @@ TEST_P(Compiler, ShadersOfTheRenderer)
 TEST_P(CompilerModules, ShadersOfTheRewritersTests)
 {
     for (const ModuleFile &module : modulesIn(fs::path(VELLUM_TEST_BUILD) / "tests/spirv")) {
-        if (module.name.starts_with("short_attributes")) // which the layer rejects, as its test says
+        if (module.name.starts_with("short_attributes")) // the layer rejects it, as its test shows
             continue;
         // RADV crashes on its arrays of arrays, without the layer as well.
         if (module.name.starts_with("kept_flags") && driverOf(GetParam().name) == Driver::Radv)
@@ -255,7 +255,7 @@ TEST_P(CompilerModules, ShadersOfTheRewritersTests)
     }
 }
 
-// Those that the tests of the rewriter put together themselves: they write them to a folder when they are asked to.
+// Modules that the tests of the rewriter assemble; they write them to a folder if a variable names one.
 TEST_P(CompilerModules, ModulesOfTheRewritersTests)
 {
     const fs::path folder = fs::temp_directory_path() / ("vellum-modules-" + std::to_string(getpid()));
@@ -331,7 +331,7 @@ TEST_P(Compiler, RecursionAndCallables)
     }
 }
 
-TEST_P(Compiler, WithoutMicromaps)
+TEST_P(Compiler, NoMicromaps)
 {
     vt::PipelineSetup setup = tracer();
     setup.flags = 0;

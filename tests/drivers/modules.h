@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What has to be known of a SPIR-V module to make a pipeline of it.
+// The facts about a SPIR-V module that are needed to create a pipeline of it.
 #pragma once
 
 #include <cstdint>
@@ -29,7 +29,7 @@ struct ModuleFacts {
     std::vector<Binding> bindings;
 };
 
-// Of a valid module.
+// `words`: a valid module.
 ModuleFacts factsOf(std::span<const uint32_t> words);
 
 // A file that spirv/module_file.h reads.
@@ -38,7 +38,7 @@ struct ModuleFile {
     std::vector<uint32_t> words;
 };
 
-// In order of their names. Throws if there are none.
+// Sorted by name. Throws if there are none.
 std::vector<ModuleFile> modulesIn(const std::filesystem::path &folder);
 
 } // namespace vellum::test

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Commands of the layer and of an application that a GPU's driver records and submits. What they do is nothing, as
-// there is no GPU (kernel/absent_gpu.h): the driver must take them, and the layer must get on with a device that
-// computes nothing.
+// Commands of the layer and of an application that a GPU's driver records and submits. They do nothing, as there is no
+// GPU (kernel/absent_gpu.h): the driver must accept them, and the layer must work with a device that computes nothing.
 #include "compiled.h"
 
 #include <gtest/gtest.h>
@@ -76,7 +75,7 @@ INSTANTIATE_TEST_SUITE_P(Intel, Submission,
                                          Device{"mtl", vt::Api::Ext}, Device{"lnl", vt::Api::Khr},
                                          Device{"bmg", vt::Api::Ext}, Device{"bmg", vt::Api::Khr}),
                          nameOf);
-// Not on a740: turnip's own shaders need 8-bit storage, which it lacks there and warns about.
+// a740 is excluded: turnip's own shaders need 8-bit storage, which it lacks there and warns about.
 INSTANTIATE_TEST_SUITE_P(Qualcomm, Submission,
                          testing::Values(Device{"a750", vt::Api::Ext}, Device{"a750", vt::Api::Khr}), nameOf);
 

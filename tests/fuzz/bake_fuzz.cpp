@@ -50,7 +50,7 @@ size_t sizeOf(uint32_t format)
     }
 }
 
-// One of some values, or seldom any.
+// One of these values, or seldom an arbitrary one.
 template <size_t N>
 uint32_t oneOf(Reader &input, const uint32_t (&values)[N])
 {
@@ -67,7 +67,7 @@ size_t anyStride(Reader &input, size_t least)
     }
 }
 
-// What a bake is given, and the memory that it points to.
+// The input of a bake, and the memory that it points to.
 struct Bake {
     std::vector<Bytes> memory;
     std::vector<std::vector<VellumTexture>> textures;
@@ -103,7 +103,7 @@ VellumTexture anyTexture(Reader &input, Bake &bake)
     texture.rowStride = anyStride(input, texture.width * pixel);
     texture.scale = input.oneIn(8) ? input.take<float>() : 1;
     texture.border = input.oneIn(8) ? input.take<float>() : static_cast<float>(input.byte()) / 255;
-    // As much as it takes, where that is not absurd, or seldom anything.
+    // As many bytes as the texture needs if that is not absurdly many; seldom any number.
     const size_t row = texture.rowStride != 0 ? texture.rowStride : texture.width * pixel;
     size_t needed = texture.offset + row * (texture.height - 1) + pixel * (texture.width - 1) + size;
     if (pixel > 1000 || row > 1'000'000 || input.oneIn(64))
@@ -315,8 +315,8 @@ std::vector<AlphaTexture> texturesOf(const VellumBakeInput &input)
     return textures;
 }
 
-// No claim at `point`, in barycentrics, is wrong by more than what the arithmetic here may be off. Only for coordinates
-// of floats, and for filters whose values change but little with the place.
+// Checks that no claim at `point`, in barycentrics, is wrong by more than the rounding errors here. Requires texture
+// coordinates of floats, and filters whose values vary slowly.
 void checkClaim(const Bake &bake, size_t which, const std::vector<AlphaTexture> &textures, size_t triangle,
                 uint32_t state, double u, double v)
 {

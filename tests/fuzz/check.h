@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a fuzz target demands of the code under test, beside that no sanitizer speaks up.
+// The conditions of a fuzz target on the code under test, beyond those of the sanitizers.
 #pragma once
 
 #include <cstdio>

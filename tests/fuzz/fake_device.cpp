@@ -19,7 +19,7 @@ namespace vellum::fuzz
 namespace
 {
 
-// What a dispatchable handle points to.
+// Dispatchable handles point to these.
 void *instanceHandle = &instanceHandle;
 void *deviceHandle = &deviceHandle;
 std::vector<std::vector<uint8_t>> memories;
@@ -87,8 +87,8 @@ VKAPI_ATTR VkBool32 VKAPI_CALL countMessage(VkDebugUtilsMessageSeverityFlagBitsE
 
 FakeDevice::FakeDevice()
 {
-    // As the loader makes them, of a driver without the extension: the layer then passes everything on, until
-    // micromaps are switched on below.
+    // Create information as the loader passes it, for a driver without the extension: the layer then passes everything
+    // on, until micromaps are enabled below.
     VkLayerInstanceLink instanceLink{nullptr, instanceCommand, nullptr};
     VkLayerInstanceCreateInfo instanceLayer{};
     instanceLayer.sType = VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO;

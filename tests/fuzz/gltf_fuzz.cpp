@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fuzz target of the glTF reader: whatever is in a file, reading it ends soon and takes no more memory than its bytes
-// can be worth, and what is wrong is told as one GltfError.
+// Fuzz target of the glTF reader. Reading a file of any content ends soon and takes no more memory than its bytes can
+// justify, and every error is reported as one GltfError.
 //
-// The first byte says what the rest is: a whole file, the JSON of a file whose binary chunk is always the same, such a
-// JSON with a part to repeat, an image, a mesh of Draco's, or a stream of meshopt's.
+// The first byte selects what the rest is: a whole file, the JSON of a file whose binary chunk is always the same, such
+// a JSON with a part to repeat, an image, a Draco mesh, or a meshopt stream.
 #include <cstring>
 #include <string>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From the bytes of a fuzz target to a glTF file.
+// Converts the bytes of a fuzz target to a glTF file.
 #pragma once
 
 #include <algorithm>
@@ -63,8 +63,8 @@ inline Bytes glbOf(Input json)
     return file;
 }
 
-// A JSON of which a part is there many times: what a small file may ask for is found by no mutation. The first bytes
-// say where the part begins, its length, and how often it is there; each time its "#" are another number.
+// A JSON of which a part is repeated: no mutation finds small files that need much memory. The first bytes state where
+// the part begins, its length, and how often it is repeated; in each repetition, "#" is replaced by another number.
 inline Bytes repeated(Input input)
 {
     constexpr size_t kHeaderBytes = 6;

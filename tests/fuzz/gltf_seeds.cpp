@@ -16,7 +16,7 @@ Bytes bytesOf(const std::string &text)
     return {text.begin(), text.end()};
 }
 
-// What the binary chunk of gltf_fuzz.cpp can be read as.
+// Primitives that can be read from the binary chunk of gltf_fuzz.cpp.
 const char *const kPrimitives = R"({"asset": {"version": "2.0"}, "meshes": [{"primitives": [
 {"attributes": {"POSITION": 0, "TEXCOORD_0": 1, "COLOR_0": 2}, "indices": 3, "material": 0, "mode": 5,
  "targets": [{"TEXCOORD_0": 1}]},
@@ -66,7 +66,7 @@ const std::string kLeaf =
     "AAAAAAAAAAAAAIA/AAAAAAAAAAAAAIA/"
     R"("}], "nodes": [{"mesh": 0}]})";
 
-// As gltf_input.h repeats it: `part` that follows `after` is there many times.
+// An input that gltf_input.h expands: `part`, which follows `after`, is repeated.
 Bytes repeatedPart(const std::string &json, const std::string &after, const std::string &part)
 {
     const size_t begin = json.find(after) + after.size();

@@ -2,10 +2,10 @@
 // Fuzz target of what is done with a glTF file that can be read: baking, verifying, and the page and the picture of
 // `vellum inspect`. The first byte says what the rest is, as in gltf_fuzz.cpp.
 #include "base/error.h"
-#include "inspect/uv_picture.h"
-#include "inspect/page.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf_input.h"
+#include "inspect/page.h"
+#include "inspect/uv_picture.h"
 #include "verify/file.h"
 
 using namespace vellum;
@@ -26,7 +26,7 @@ void inspectDocument(const Document &document, const DocumentBakeOptions *bake)
     }
 }
 
-// What was baked is right.
+// A baked micromap verifies without errors.
 void verifyBaked(const Document &document)
 {
     verify::FileOptions options;

@@ -19,7 +19,7 @@ namespace
 
 constexpr uint32_t kPreferFastBuild = 2;
 constexpr uint8_t kUntouched = 0xc5;
-// A level that nobody asked for; those above 7 need much data.
+// An arbitrary level, also an invalid one. Those above 7 are rare: they need much data.
 uint32_t anyLevel(Reader &input)
 {
     return input.oneIn(8) ? input.below(20) : input.below(7);
@@ -60,7 +60,7 @@ void damage(Reader &input, std::vector<uint8_t> memory)
     }
     const uint64_t used = micromapMemoryInUse(memory.data());
     if (used == 0 || used > memory.size())
-        return; // what the layer refuses
+        return; // rejected by the layer
     memory.resize(used);
     memory.shrink_to_fit();
     distrustMicromapRecords(memory.data());
@@ -87,7 +87,7 @@ void buildMemory(Reader &input)
     const bool ahead = input.oneIn(4);
     const uint32_t capacityMode = input.below(4);
     const uint32_t capacity = input.take<uint16_t>();
-    // Up to level 12 of four states; seldom, since it takes long.
+    // Up to level 12 with 4 states; seldom, since it takes long.
     std::vector<uint8_t> data(input.oneIn(128) ? (4u << 20) + input.byte() : input.below(1u << 13));
 
     for (SourceTriangle &t : model.triangles) {
@@ -137,7 +137,7 @@ void buildMemory(Reader &input)
     const std::span<const uint8_t> inUse(memory.data(), used);
     checkBuilt(model, inUse);
 
-    // What is trustworthy stays as it is.
+    // Valid records are unchanged.
     std::vector<uint8_t> copy(inUse.begin(), inUse.end());
     distrustMicromapRecords(copy.data());
     checkBuilt(model, copy);

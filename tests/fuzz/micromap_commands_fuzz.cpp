@@ -46,12 +46,12 @@ public:
 private:
     void readUsages();
     void readTriangles();
-    // A micromap with so much room: at the end of a buffer of its own, so that AddressSanitizer sees where it ends, or
-    // beside others in one that they share, by a handle that reaches to the end of that.
+    // Creates a micromap of this size: at the end of a buffer of its own, so that AddressSanitizer sees where it ends,
+    // or in a buffer with others, by a handle that reaches to the end of that buffer.
     VkMicromapEXT make(uint64_t size);
-    // Of a target that shall be too small: where handles reach to the end of a buffer, none is.
+    // The size of a target that shall be too small. Where handles reach to the end of a buffer, no target is.
     [[nodiscard]] uint64_t small(uint64_t size, uint64_t enough) const { return packed_ ? enough : size; }
-    // Nothing in the shared buffer changes meanwhile but the room of the target.
+    // Checks that only the target's memory changes in the shared buffer.
     VkResult writingTo(VkMicromapEXT target, const std::function<VkResult()> &command);
     [[nodiscard]] std::span<uint8_t> bytesOf(VkMicromapEXT micromap) const;
     VkMicromapEXT build(uint64_t size);
@@ -62,7 +62,7 @@ private:
     void deserializeAnything();
     void checkMicromap(VkMicromapEXT micromap) const;
     // A command that fails says why.
-    static void checkTold(VkResult result)
+    static void checkReported(VkResult result)
     {
         FUZZ_CHECK(result == VK_SUCCESS || FakeDevice::takeMessages() > 0);
         FakeDevice::takeMessages();
@@ -71,7 +71,7 @@ private:
     FakeDevice &device_;
     Reader &input_;
     std::vector<VkMicromapEXT> micromaps_;
-    std::map<VkMicromapEXT, size_t> room_; // bytes
+    std::map<VkMicromapEXT, size_t> sizes_; // bytes
     std::optional<vellum::gpu::Pieces> packed_;
     VkBuffer packedBuffer_ = VK_NULL_HANDLE;
     std::vector<VkMicromapUsageEXT> usages_;
@@ -102,8 +102,8 @@ void Commands::readUsages()
     info_.ppUsageCounts = direct == wrong ? usagePointers_.data() : nullptr;
 }
 
-// As many triangles as the counts say, mostly of their levels and formats, with data that is there: no size of the data
-// is known to these commands.
+// Reads as many triangles as the counts state, mostly of their levels and formats, whose data exists: these commands
+// have no size of the data.
 void Commands::readTriangles()
 {
     uint64_t count = 0;
@@ -175,14 +175,14 @@ VkMicromapEXT Commands::make(uint64_t size)
     VkMicromapEXT micromap = VK_NULL_HANDLE;
     FUZZ_CHECK(layer::createMicromap(device_.micromaps(), device_.handle(), &create, nullptr, &micromap) == VK_SUCCESS);
     micromaps_.push_back(micromap);
-    room_[micromap] = size;
+    sizes_[micromap] = size;
     return micromap;
 }
 
 std::span<uint8_t> Commands::bytesOf(VkMicromapEXT micromap) const
 {
     const layer::Micromap &m = *layer::micromapOf(micromap);
-    return std::span(FakeDevice::bytes(m.buffer)).subspan(m.offset, room_.at(micromap));
+    return std::span(FakeDevice::bytes(m.buffer)).subspan(m.offset, sizes_.at(micromap));
 }
 
 VkResult Commands::writingTo(VkMicromapEXT target, const std::function<VkResult()> &command)
@@ -209,7 +209,7 @@ VkMicromapEXT Commands::build(uint64_t size)
     const VkResult result = writingTo(micromap, [&] {
         return layer::buildMicromaps(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, 1, &info_);
     });
-    checkTold(result);
+    checkReported(result);
     return result == VK_SUCCESS ? micromap : VK_NULL_HANDLE;
 }
 
@@ -221,7 +221,7 @@ uint64_t Commands::property(VkMicromapEXT micromap, VkQueryType type)
     return value;
 }
 
-// Either nothing was built there, or all of it lies in the micromap.
+// Checks that the memory is unchanged or that everything in it lies in the micromap.
 void Commands::checkMicromap(VkMicromapEXT micromap) const
 {
     const std::span<const uint8_t> bytes = bytesOf(micromap);
@@ -242,7 +242,7 @@ void Commands::copy(VkMicromapEXT source, uint64_t used)
     info.dst = exact;
     info.mode = VK_COPY_MICROMAP_MODE_COMPACT_EXT;
     const auto run = [&] {
-        checkTold(writingTo(info.dst, [&] {
+        checkReported(writingTo(info.dst, [&] {
             return layer::copyMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &info);
         }));
     };
@@ -253,7 +253,7 @@ void Commands::copy(VkMicromapEXT source, uint64_t used)
     info.dst = make(input_.below(static_cast<uint32_t>(used)));
     run();
     checkMicromap(info.dst);
-    // It is no micromap then: what is asked of it, and copied from it, is nothing's.
+    // The memory then holds no micromap: it has the size of an empty one.
     FUZZ_CHECK(property(info.dst, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT) == kHeaderBytes);
 }
 
@@ -266,7 +266,7 @@ void Commands::serialize(VkMicromapEXT source, uint64_t used)
     out.src = source;
     out.dst.hostAddress = serialized.data();
     out.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
-    checkTold(writingTo(VK_NULL_HANDLE, [&] {
+    checkReported(writingTo(VK_NULL_HANDLE, [&] {
         return layer::copyMicromapToMemory(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &out);
     }));
 
@@ -275,7 +275,7 @@ void Commands::serialize(VkMicromapEXT source, uint64_t used)
     in.src.hostAddress = serialized.data();
     in.dst = target;
     in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    checkTold(writingTo(in.dst, [&] {
+    checkReported(writingTo(in.dst, [&] {
         return layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in);
     }));
     checkBuilt(model_, bytesOf(target));
@@ -300,7 +300,7 @@ void Commands::deserializeDamaged(std::vector<uint8_t> serialized, uint64_t used
     in.dst = make(input_.flag() ? used : small(input_.below(static_cast<uint32_t>(used) + 64), used));
     std::ranges::fill(bytesOf(in.dst), input_.byte());
     in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    checkTold(writingTo(in.dst, [&] {
+    checkReported(writingTo(in.dst, [&] {
         return layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in);
     }));
     checkMicromap(in.dst);
@@ -320,7 +320,7 @@ void Commands::deserializeAnything()
     in.src.hostAddress = serialized.data();
     in.dst = make(small(serialized[0], size - kHeaderBytes));
     in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    checkTold(writingTo(in.dst, [&] {
+    checkReported(writingTo(in.dst, [&] {
         return layer::copyMemoryToMicromap(device_.micromaps(), device_.handle(), VK_NULL_HANDLE, &in);
     }));
     checkMicromap(in.dst);
@@ -340,7 +340,7 @@ void Commands::run()
     VkMicromapBuildSizesInfoEXT sizes{VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT};
     layer::getMicromapBuildSizes(device_.micromaps(), device_.handle(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR,
                                  &info_, &sizes);
-    // What does no harm is told, and measured.
+    // A tolerated fault has a message and a size.
     FUZZ_CHECK(FakeDevice::takeMessages() > 0 || sizes.micromapSize > 0);
     if (sizes.micromapSize == 0 || sizes.micromapSize > kMostBytes)
         return;

@@ -7,7 +7,7 @@ namespace vellum::fuzz
 
 class Reader;
 
-// The build of a micromap in memory (core/micromap_memory.h), and records that somebody has damaged.
+// The build of a micromap in memory (core/micromap_memory.h), and damaged records.
 void buildMemory(Reader &input);
 // Micromaps as plain data (core/micromap.h).
 void model(Reader &input);

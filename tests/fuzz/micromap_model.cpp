@@ -69,7 +69,7 @@ struct Data {
     uint64_t begin; // byte, from the first data unit
 };
 
-// Of a record with data. Two kinds a level from 3 on.
+// The data of a triangle record. From level 3 on there are two kinds of each level.
 Data dataOf(uint32_t word0, uint32_t word1)
 {
     const bool far = (word0 & 31) == 31;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a micromap build is to make of its input, and what the result says. Written from the descriptions of the
-// specification, docs/design/structures.md and core/records.h; on purpose none of it is the library's own code.
+// The expected result of a micromap build. It is written from the specification, docs/design/structures.md and
+// core/records.h, and on purpose shares no code with the layer.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +28,7 @@ struct BuildModel {
 };
 
 struct Expected {
-    bool invalid = false; // its input is, or there is no space for its data; then all of it is unknown-opaque
+    bool invalid = false; // the input is, or the data does not fit; then all of it is unknown-opaque
     bool unknown = false; // it is, because it is invalid or has the data of a triangle that is
 };
 std::vector<Expected> expectedOf(const BuildModel &model);
@@ -45,7 +45,7 @@ uint32_t builtState(std::span<const uint8_t> micromap, uint32_t triangle, uint32
 
 // Compares all that was built with what it was built from, and the library's curve and model with them.
 void checkBuilt(const BuildModel &model, std::span<const uint8_t> micromap);
-// That no lookup leaves a micromap whose records were made by nobody.
+// Checks that no lookup leaves a micromap whose records are arbitrary bytes.
 void checkStaysInside(std::span<const uint8_t> micromap);
 
 } // namespace vellum::fuzz

@@ -29,7 +29,7 @@ public:
     }
     uint8_t byte() { return take<uint8_t>(); }
     bool flag() { return (byte() & 1) != 0; }
-    // True one time in `n`, of inputs that nobody has thought about.
+    // True one time in `n`, for inputs that no case covers.
     bool oneIn(unsigned n) { return byte() % n == n - 1; }
     uint32_t below(uint32_t n) { return n <= 256 ? byte() % n : take<uint32_t>() % n; }
 

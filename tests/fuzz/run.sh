@@ -23,7 +23,7 @@ longest=2048
 seconds=10
 case $target in
   spirv_fuzz) longest=65536 ;;
-  gltf_fuzz | inspect_fuzz) longest=131072 seconds=25 ;; # small files that ask for much work
+  gltf_fuzz | inspect_fuzz) longest=131072 seconds=25 ;; # small files that need much work
 esac
 UBSAN_OPTIONS=print_stacktrace=1 \
   exec "$program" -artifact_prefix="$work/findings/" -timeout=$seconds -report_slow_units=$seconds -rss_limit_mb=2048 -malloc_limit_mb=1024 \

@@ -4,9 +4,9 @@
 
 #include <filesystem>
 
-// Of the glTF reader: files with a bit of everything.
+// Seeds for the glTF reader: files with a part of every kind.
 void writeGltfSeeds(const std::filesystem::path &folder);
 
-// Of the rewriter: the modules in a list of files (spirv/module_file.h) and those in a folder.
+// Seeds for the rewriter: the modules in a list of files (spirv/module_file.h) and those in a folder.
 void writeSpirvSeeds(const std::filesystem::path &list, const std::filesystem::path &modules,
                      const std::filesystem::path &folder);

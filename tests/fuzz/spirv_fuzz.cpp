@@ -122,7 +122,7 @@ void checkRewriting(std::span<const uint32_t> words, const spirv::RewriteOptions
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-    // On the heap, and no byte too many: so AddressSanitizer sees the end.
+    // On the heap, without a byte to spare, so that AddressSanitizer sees the end.
     const size_t count = size / 4;
     const auto words = std::make_unique<uint32_t[]>(count);
     if (count > 0)

@@ -25,7 +25,7 @@ inline constexpr uint32_t kInPayload = 2;            // hidden flags lie in the 
 inline constexpr uint32_t kInPipeline = 4;           // for a stage of a pipeline
 inline constexpr uint32_t kPrologueShift = 3;        // two bits, Prologue
 inline constexpr uint32_t kEntryPointShift = 5;      // two bits, which one
-inline constexpr uint32_t kOtherStage = 0x80;        // whose entry point has another execution model
+inline constexpr uint32_t kOtherStage = 0x80;        // its entry point has another execution model
 inline constexpr uint32_t kNoEntryPoint = 0x100;     // of a name that the module does not have
 inline constexpr uint32_t kConstantFlags = 0x200;    // all rays have the same hidden flags
 inline constexpr uint32_t kQueriesDeclare = 0x400;   // ray queries need the execution mode to use micromaps
@@ -34,7 +34,7 @@ inline constexpr uint32_t kAllOptions = 0xfff;
 
 struct SpirvInput {
     spirv::RewriteOptions options;
-    std::string entryPoint; // what the options name
+    std::string entryPoint; // named by the options
     uint32_t model = 0;     // execution model of that entry point
 };
 

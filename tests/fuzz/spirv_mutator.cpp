@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the fuzzer does to SPIR-V modules: changes that mostly leave instructions as whole as they were, since a module
-// that falls apart into words tests little more than the parser.
+// The fuzzer's mutations of SPIR-V modules. They mostly keep instructions whole, since a module that falls apart into
+// words tests little more than the parser.
 #include <algorithm>
 #include <cstring>
 #include <random>
@@ -147,7 +147,7 @@ public:
         return assemble();
     }
 
-    // Some instructions of another module are put in, with result ids of their own.
+    // Inserts some instructions of another module, with result ids of their own.
     Words splice(const Mutation &other)
     {
         const size_t begin = below(other.code_.size());
@@ -161,7 +161,7 @@ public:
 private:
     uint32_t below(size_t n) { return static_cast<uint32_t>(random_() % n); }
     size_t any() { return below(code_.size()); }
-    // Of an instruction that is of interest, half of the time.
+    // Half of the time, an instruction that the rewriter handles.
     size_t position()
     {
         for (int i = 0; below(2) == 0 && i < 20; ++i) {
@@ -261,7 +261,7 @@ private:
         const size_t end = std::min(code_.size(), at + 1 + below(24));
         std::vector<Words> range(code_.begin() + static_cast<ptrdiff_t>(at),
                                  code_.begin() + static_cast<ptrdiff_t>(end));
-        // With ids of its own throughout, as a part of a module that somebody wrote would have.
+        // Gives the copied range result ids of its own, as in valid code.
         for (Words &each : range) {
             const size_t word = resultWord(each);
             if (word == 0)
@@ -276,7 +276,7 @@ private:
         code_.insert(code_.begin() + static_cast<ptrdiff_t>(to), range.begin(), range.end());
     }
 
-    // What is no module: an instruction of another length than it says, the end too soon, a header of other numbers.
+    // Makes the module invalid: an instruction with another length, an early end, or another header.
     void broken(Words &in)
     {
         switch (below(6)) {

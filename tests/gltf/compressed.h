@@ -21,7 +21,7 @@ Bytes meshoptAttributes(const Bytes &vertices, size_t stride);
 Bytes meshoptTriangles(const std::vector<uint32_t> &indices);
 Bytes meshoptIndices(const std::vector<uint32_t> &indices);
 
-// Where the build cannot decode such images, only the beginning of one.
+// If the build cannot decode such images, only the beginning of one.
 Bytes webpImage(uint32_t width, uint32_t height, const Bytes &rgba);
 Bytes jpegImage(uint32_t width, uint32_t height, const Bytes &rgb);
 constexpr int kGray = 0;

@@ -58,7 +58,7 @@ std::string dracoJson(size_t bytes, const std::string &ids = R"({"POSITION": 0, 
         "{\"buffer\": 0, \"byteLength\": " + std::to_string(bytes) + "}", bytes, 1);
 }
 
-// Of a triangle's corners, in an order that does not depend on which comes first.
+// The corners of each triangle, in an order that does not depend on which comes first.
 using Corner = std::array<float, 5>;
 std::vector<std::array<Corner, 3>> trianglesOf(const Primitive &primitive)
 {
@@ -106,7 +106,7 @@ TEST(GltfCompressed, Draco)
     }
 }
 
-// What moves vertices (JOINTS_0, WEIGHTS_0) is compressed with them.
+// Attributes that move vertices (JOINTS_0, WEIGHTS_0) are compressed as well.
 TEST(GltfCompressed, EveryAttributeOfDraco)
 {
     const Bytes encoded = dracoTriangles(kPositions, kUvs);
@@ -264,7 +264,7 @@ TEST(GltfCompressed, UncompressedDataThatDiffersIsNotBaked)
     EXPECT_EQ(leftFor(bothJson(encoded.size(), 6, false), binary), "none");
     EXPECT_EQ(leftFor(bothJson(encoded.size(), 6, false), turned), other);
     EXPECT_EQ(leftFor(bothJson(encoded.size(), 6, true), turned), "none");
-    // What the file says of the number of triangles is what a micromap is counted by.
+    // A micromap has as many triangles as the file states.
     EXPECT_EQ(leftFor(bothJson(encoded.size(), 3, true), binary),
               "it has 1 triangles by its indices, and 2 by KHR_draco_mesh_compression");
     EXPECT_EQ(leftFor(bothJson(encoded.size(), 3, false), binary), other);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which primitives are baked, and against what.
+// Selection of primitives to bake, and the textures that they are baked with.
 #include "gltf/micromaps/document_bake.h"
 
 #include <algorithm>
@@ -81,7 +81,7 @@ DocumentBake bakeColored(const std::array<float, 4> &alphas, const DocumentBakeO
     return bakeDocument(Document(folder / "test.glb"), options);
 }
 
-// What the baker itself makes of the card's two triangles, with this cutoff.
+// The result of the baker alone for the card's two triangles, with this cutoff.
 Micromap bakeDirectly(double cutoff, BakeOptions options = optionsOf().bake)
 {
     const TemporaryFolder folder;
@@ -105,14 +105,14 @@ void expectSame(const DocumentBake &bake, const Micromap &expected)
 
 } // namespace
 
-TEST(DocumentBake, IsWhatTheBakerMakesOfTheMaterial)
+TEST(DocumentBake, EqualsADirectBake)
 {
     const DocumentBake bake = bakeCard({});
     expectSame(bake, bakeDirectly(0.25));
     EXPECT_EQ(bake.primitives[0].place, (PrimitivePlace{0, 0}));
     EXPECT_EQ(bake.primitives[0].material, "leaf");
     EXPECT_TRUE(bake.skipped.empty());
-    // No texel has more than the base colour's 0.75.
+    // No texel exceeds the base colour's 0.75.
     EXPECT_NE(bakeDirectly(0.25).indices, bakeDirectly(0.9).indices);
 }
 
@@ -122,7 +122,7 @@ TEST(DocumentBake, BlendOnRequest)
     EXPECT_EQ(reasonFor(blend), "its alphaMode is BLEND");
     DocumentBakeOptions options = optionsOf();
     options.blend = true;
-    // Only what has an alpha of 0 is known: the factor of the base colour is 0.75.
+    // Only an alpha of 0 is known: the factor of the base colour is 0.75.
     const DocumentBake blended = bakeCard(blend, options);
     std::array<size_t, 4> states{};
     for (const MicromapTriangle &t : blended.micromaps.at(0).triangles)
@@ -137,7 +137,7 @@ TEST(DocumentBake, BlendOnRequest)
     EXPECT_EQ(bakeCard(blend, options).primitives.at(0).micromap.indices, bakeDirectly(0.875).indices);
 }
 
-TEST(DocumentBake, SkipsWhatIsNamed)
+TEST(DocumentBake, SkipsExcludedNames)
 {
     DocumentBakeOptions options = optionsOf();
     options.excludedMaterials = {"wood", "l??f"};
@@ -155,14 +155,14 @@ TEST(DocumentBake, EqualAlphaSharesAMicromap)
     EXPECT_EQ(bake.primitives[1].micromap.indices, bake.primitives[0].micromap.indices);
     EXPECT_EQ(bake.micromaps.size(), 1u);
     EXPECT_EQ(bake.micromaps[0].data, bakeDirectly(0.25).data);
-    // Another cutoff is another source.
+    // Materials that differ in the cutoff get separate micromaps.
     const Replacements other = {
         {R"({"attributes": {"POSITION": 3}, "material": 1})",
          R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 1})"},
         {R"({"name": "wood"})",
          R"({"name": "wood", "alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})"}};
     EXPECT_EQ(bakeCard(other).micromaps.size(), 2u);
-    // With a budget they share what there is of it.
+    // Both share the budget.
     DocumentBakeOptions options = optionsOf();
     options.bake.budget = 100;
     const DocumentBake small = bakeCard(other, options);
@@ -210,7 +210,7 @@ TEST(DocumentBake, SkipsPrimitivesThatCannotBeBaked)
 }
 
 // The extension counts triangles by the indices, or else by the positions.
-TEST(DocumentBake, WithoutIndicesAndPositionsThereIsNoNumberOfTriangles)
+TEST(DocumentBake, MissingIndicesAndPositionsGiveNoTriangleCount)
 {
     EXPECT_EQ(reasonFor({{kPrimitive, R"({"attributes": {"TEXCOORD_0": 1}, "material": 0})"}}),
               "it has neither indices nor positions");
@@ -320,7 +320,7 @@ TEST(DocumentBake, TheAlphaOfVerticesMultiplies)
     EXPECT_EQ(bakeColored({1, 1, 1, 1}).primitives[0].varying, 0u);
 }
 
-TEST(DocumentBake, WhereTheAlphaOfVerticesVariesNothingIsKnown)
+TEST(DocumentBake, VaryingVertexAlphaIsUnknown)
 {
     // Triangles 0 1 2 and 0 2 3.
     const DocumentBake bake = bakeColored({1, 1, 1, 0.5f});
@@ -332,7 +332,7 @@ TEST(DocumentBake, WhereTheAlphaOfVerticesVariesNothingIsKnown)
     EXPECT_EQ(bakeColored({-1, -1, -1, -1}).primitives[0].varying, 2u);
 }
 
-TEST(DocumentBake, NoAlphaIsNoAlphaWhateverTheTexture)
+TEST(DocumentBake, FactorZeroIsTransparentForAnyTexture)
 {
     const std::vector<int32_t> transparent(2, specialIndex(State::Transparent));
     const std::vector<int32_t> opaque(2, specialIndex(State::Opaque));

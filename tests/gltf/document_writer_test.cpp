@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What baking changes in a file, and what it does not.
+// The changes that baking makes to a file, and the parts that it keeps.
 #include "gltf/micromaps/document_writer.h"
 
 #include <cstring>
@@ -106,7 +106,7 @@ Split splitCard(const Replacements &replacements = {})
 
 } // namespace
 
-// Every inserted text is taken away again: what remains is the input.
+// Removes every inserted text again: the rest is the input.
 TEST(DocumentWriter, EverythingElseIsByteForByteTheSame)
 {
     const Replacements oddities = {
@@ -149,7 +149,7 @@ TEST(DocumentWriter, EverythingElseIsByteForByteTheSame)
     EXPECT_EQ(bench.micromaps("out.glb").primitives.size(), 1u);
 }
 
-TEST(DocumentWriter, WithoutAnythingToBakeTheFileIsTheSame)
+TEST(DocumentWriter, NothingToBakeLeavesTheFileUnchanged)
 {
     Bench bench;
     const Bytes input = cardGlb({{R"("alphaMode": "MASK", )", ""}});
@@ -171,7 +171,7 @@ TEST(DocumentWriter, OtherChunksStay)
     EXPECT_EQ(bench.micromaps("out.glb").primitives.size(), 1u);
 }
 
-TEST(DocumentWriter, AGltfGetsAFileBesideIt)
+TEST(DocumentWriter, GltfGetsASeparateFile)
 {
     Bench bench;
     const Split split = splitCard();
@@ -184,7 +184,7 @@ TEST(DocumentWriter, AGltfGetsAFileBesideIt)
     EXPECT_TRUE(text.ends_with("\n \n"));
     EXPECT_TRUE(std::filesystem::exists(bench.folder / percentDecoded(name)));
     EXPECT_EQ(bench.micromaps("the tree.gltf").primitives.size(), 1u);
-    // Other micromaps have another name, and the same ones the same.
+    // The name depends on the content of the micromaps.
     const Bytes old = readFile(bench.folder / percentDecoded(name));
     bench.options.bake.level = 2;
     const Bytes other = bench.bake(Bench::text(split.json), "in.gltf", "the tree.omm.gltf");
@@ -210,7 +210,7 @@ TEST(DocumentWriter, TheInputsOwnFilesAreNotWritten)
     bench.bake(Bench::text(split.json), "in.gltf", "tree.gltf");
     EXPECT_EQ(readFile(bench.folder / "tree.omm.bin"), split.binary);
     EXPECT_EQ(bench.micromaps("tree.gltf").primitives.size(), 1u);
-    // Nor as the output.
+    // Data of the input is not overwritten by the output.
     replaceOnce(split.json, "./tree.omm.bin", "data.gltf");
     writeFile(bench.folder / "data.gltf", split.binary);
     std::filesystem::create_symlink("data.gltf", bench.folder / "alias.gltf");
@@ -297,7 +297,7 @@ TEST(DocumentWriter, MicromapsAreReplaced)
     const StoredMicromaps twice = bench.micromaps("twice.glb");
     ASSERT_EQ(twice.micromaps.size(), 1u);
     EXPECT_EQ(twice.micromaps[0].usage, (std::vector<MicromapUsage>{{2, 2, Format::FourState}}));
-    // And they go where nothing is baked.
+    // Micromaps are removed if nothing is baked.
     bench.options.excludedMaterials = {"l*f"};
     const std::string text = textOf(chunksOf(bench.bake(once, "once.glb", "none.glb"))[0].bytes);
     EXPECT_EQ(text.find("opacity_micromap"), std::string::npos);

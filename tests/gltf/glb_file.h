@@ -27,7 +27,7 @@ Bytes packGlb(std::string json, Bytes binary);
 
 Bytes cardGlb(const Replacements &replacements = {});
 
-// Writes the card as a .gltf, with data.bin and disc.png beside it, and returns its text.
+// Writes the card as a .gltf, with data.bin and disc.png in the same folder, and returns its text.
 std::string writeCardGltf(const std::filesystem::path &path, const Bytes &png = discPng(),
                           const Replacements &replacements = {});
 

@@ -67,7 +67,7 @@ TEST(GltfImage, Jpeg)
     EXPECT_EQ(jpeg.rgba[3], 255);
 }
 
-TEST(GltfImage, WhatIsNotSupportedIsKnown)
+TEST(GltfImage, UnsupportedKindsAreIdentified)
 {
     const auto padded = [](std::string text) {
         text.resize(64);

@@ -21,7 +21,7 @@ std::string edited(const std::string &text, Change &&change)
 
 } // namespace
 
-TEST(JsonEdit, WithoutChangesTheTextIsTheSame)
+TEST(JsonEdit, NoChangesKeepTheText)
 {
     EXPECT_EQ(edited(" {\"a\" : [1 ,2 ]}", [](JsonEdit &, const JsonValue &) {}), " {\"a\" : [1 ,2 ]}");
 }

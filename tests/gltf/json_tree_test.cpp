@@ -53,7 +53,7 @@ TEST(JsonTree, KeepsAByteOrderMarkAndPadding)
     EXPECT_EQ(padded.root().text(), "{\"a\": 1}");
 }
 
-TEST(JsonTree, ReportsWhatIsWrong)
+TEST(JsonTree, ReportsErrors)
 {
     for (const char *text : {"", "{", "[1,]", "{\"a\" 1}", "{a: 1}", "[01]", "\"\\ud800\"", "nul"})
         EXPECT_THROW(JsonTree tree(text), GltfError) << text;

@@ -79,9 +79,9 @@ TEST(OutputFiles, RemovesThemOtherwise)
         files.write(folder / "a/b/new", contentOf("new"));
     }
     EXPECT_EQ(entries(folder.path()), 0u);
-    int asked = 0;
+    int calls = 0;
     {
-        OutputFiles files([&] { return ++asked > 1; });
+        OutputFiles files([&] { return ++calls > 1; });
         files.write(folder / "one", contentOf("1"));
         EXPECT_THROW(files.write(folder / "two", contentOf("2")), BakeCancelled);
     }
@@ -96,7 +96,7 @@ TEST(OutputFiles, WhenOneCannotAppearTheOthersDisappear)
         OutputFiles files(kNever);
         files.write(folder / "one", contentOf("1"));
         files.copy(folder / "source", folder / "two", folder.path());
-        writeFile(folder / "two", {'t'}); // somebody else's, meanwhile
+        writeFile(folder / "two", {'t'}); // written by another process meanwhile
         EXPECT_THROW(files.publish(), GltfError);
     }
     EXPECT_FALSE(std::filesystem::exists(folder / "one"));
@@ -104,7 +104,7 @@ TEST(OutputFiles, WhenOneCannotAppearTheOthersDisappear)
     EXPECT_EQ(entries(folder.path()), 2u);
 }
 
-TEST(OutputFiles, CopiesDoNotReplaceWhatIsDifferent)
+TEST(OutputFiles, CopiesDoNotReplaceDifferentFiles)
 {
     const TemporaryFolder folder;
     writeFile(folder / "source", {'s'});
@@ -119,7 +119,7 @@ TEST(OutputFiles, CopiesDoNotReplaceWhatIsDifferent)
     EXPECT_EQ(textOf(folder / "different"), "d");
 }
 
-TEST(OutputFiles, WhatIsWrittenOnceIsNeverReplaced)
+TEST(OutputFiles, ContentNamedFilesAreNeverReplaced)
 {
     const TemporaryFolder folder;
     writeFile(folder / "old", {'o'});
@@ -143,7 +143,7 @@ TEST(OutputFiles, WhatIsWrittenOnceIsNeverReplaced)
     EXPECT_FALSE(std::filesystem::exists(folder / "other"));
 }
 
-TEST(OutputFiles, WhatIsReplacedKeepsItsMode)
+TEST(OutputFiles, ReplacedFilesKeepTheirMode)
 {
     const TemporaryFolder folder;
     writeFile(folder / "old", {'o'});
@@ -157,7 +157,7 @@ TEST(OutputFiles, WhatIsReplacedKeepsItsMode)
     EXPECT_EQ(std::filesystem::status(folder / "old").permissions(), mode);
 }
 
-TEST(OutputFiles, WhatIsNoFileIsNotReplaced)
+TEST(OutputFiles, OnlyFilesAreReplaced)
 {
     const TemporaryFolder folder;
     writeFile(folder / "file", {'f'});
@@ -168,8 +168,8 @@ TEST(OutputFiles, WhatIsNoFileIsNotReplaced)
     EXPECT_THROW(files.write(folder / "file/x", contentOf("x")), GltfError);
 }
 
-// Process numbers come again, in containers all the time: what a process left that was killed is in nobody's way.
-TEST(OutputFiles, FilesOfAnEarlierProcessAreInNobodysWay)
+// Process numbers come again, in containers all the time: files that a killed process left must not matter.
+TEST(OutputFiles, TemporaryFilesOfAnEarlierProcessDoNotMatter)
 {
     const TemporaryFolder folder;
     writeFile(folder / "old", {'o'});

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a primitive's vertices and triangles are, however the file stores them.
+// Vertices and triangles of a primitive in every form in which a file can store them.
 #include "gltf/primitive.h"
 
 #include <cstring>
@@ -179,7 +179,7 @@ TEST(GltfPrimitive, SparseAccessors)
               " TEXCOORD_0: accessor 1 (sparse) replaces element 3 of 3");
 }
 
-TEST(GltfPrimitive, WithoutBufferViewAllIsZero)
+TEST(GltfPrimitive, MissingBufferViewIsZeros)
 {
     Sample file = sample();
     file.accessors[1] = R"({"componentType": 5126, "count": 3, "type": "VEC2"})";
@@ -191,7 +191,7 @@ TEST(GltfPrimitive, WithoutBufferViewAllIsZero)
 TEST(GltfPrimitive, Strides)
 {
     Sample file = sample();
-    // Both attributes in one view, 20 bytes for each vertex.
+    // Both attributes are in one view with 20 bytes for each vertex.
     file.views = {{}};
     append<float>(file.views[0], {0, 0, 0, 10, 11, 1, 0, 0, 20, 21, 0, 1, 0, 30, 31});
     file.viewMembers = {", \"byteStride\": 20"};
@@ -237,7 +237,7 @@ TEST(GltfPrimitive, CountsVerticesByOtherAttributesWithoutPositions)
     EXPECT_THROW(static_cast<void>(file.read()), GltfUnsupported);
     file.primitive = R"({"attributes": {}, "material": 0})";
     EXPECT_EQ(file.error(Positions::Skip), " has no attributes");
-    // Huge counts do not ask for memory.
+    // Huge counts allocate nothing.
     file.primitive = R"({"attributes": {"POSITION": 0}, "material": 0})";
     file.accessors[0] = R"({"bufferView": 0, "componentType": 5126, "count": 3000000000, "type": "VEC3"})";
     EXPECT_EQ(file.error(Positions::Skip), " POSITION: accessor 0 reaches outside of its buffer view");
@@ -285,7 +285,7 @@ TEST(GltfPrimitive, Colors)
               " has 2 colours for 3 vertices");
 }
 
-TEST(GltfPrimitive, MorphingOfWhatIsReadIsKnown)
+TEST(GltfPrimitive, MorphedAttributesAreReported)
 {
     Sample file = sample();
     const auto morphed = [&](const std::string &targets) {

@@ -31,7 +31,7 @@ bool attempt(Reading &reading, Read &&read)
     return false;
 }
 
-// What the file becomes with micromaps, or without those that it has. If that can be written its JSON can be read.
+// Adds micromaps to the file and, if it has some, removes them. The JSON of a result that can be written can be read.
 void rewrite(const Document &document, const DocumentBake &bake)
 {
     RewrittenFile written;

@@ -15,8 +15,8 @@ struct Reading {
     std::string unsupported; // the first GltfUnsupported of a primitive, material or image
 };
 
-// The document, then every primitive, material and image, whether a scene uses them or not, the micromaps, and the
-// scene. Goes on after what is wrong in one of these. Throws what is no GltfError.
+// Reads the document, then every primitive, material and image, whether a scene uses them or not, the micromaps, and
+// the scene. Continues after an error in one of these. Throws only what is not a GltfError.
 Reading readEverything(const std::filesystem::path &path);
 
 } // namespace vellum::test

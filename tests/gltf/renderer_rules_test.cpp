@@ -63,7 +63,7 @@ private:
     {
         return object.HasMember(name) ? object[name].GetUint64() : otherwise;
     }
-    // An element of an array of the root, by its index; null where there is none.
+    // An element of an array of the root, by its index; null if it does not exist.
     [[nodiscard]] const Json *element(const char *array, const Json &index) const
     {
         if (!index.IsUint() || !json_.HasMember(array) || index.GetUint() >= json_[array].Size())

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What stands where: nodes, instances, skins and morph targets.
+// The scene graph: nodes, instances, skins and morph targets.
 #include <cmath>
 #include <cstring>
 

@@ -83,7 +83,7 @@ TEST(Gltf, AppliesTransforms)
     EXPECT_EQ(uvs.geometries[0].uvs[1], (TexCoord{2.5f, 4.25f}));
 }
 
-TEST(Gltf, ReadsTextFilesWithFilesBesideThem)
+TEST(Gltf, ReadsTextFilesWithSeparateFiles)
 {
     const TemporaryFolder folder;
     const Bytes glb = cardGlb();
@@ -113,7 +113,7 @@ TEST(Gltf, MaskedWithoutTexture)
               std::vector<float>{leaf.baseColor[3]});
 }
 
-TEST(Gltf, ReportsWhatIsWrong)
+TEST(Gltf, ReportsErrors)
 {
     EXPECT_EQ(errorOf({{", \"TEXCOORD_0\": 1", ""}}),
               "mesh 0 primitive 0 has the masked material \"leaf\" but no texture coordinates (TEXCOORD_0)");

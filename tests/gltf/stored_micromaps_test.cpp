@@ -178,7 +178,7 @@ TEST(StoredMicromaps, ReadsEveryTypeOfIndexWithItsSpecialIndices)
     }
 }
 
-TEST(StoredMicromaps, WithoutIndicesATriangleIsItsOwnIndex)
+TEST(StoredMicromaps, MissingIndicesMeanTheTriangleNumber)
 {
     Sample sample;
     sample.primitive = R"("micromap": 0)";

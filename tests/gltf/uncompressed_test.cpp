@@ -8,7 +8,7 @@
 
 using namespace vellum;
 
-TEST(GltfUncompressed, WhatIsMissingIsNamed)
+TEST(GltfUncompressed, NamesTheMissingLibrary)
 {
     EXPECT_FALSE(kDecompressesMeshes);
     const auto errorOf = [](const auto &function) -> std::string {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files that are wrong in one way each: every one is told in one line that names the file and the place in it, and none
-// takes much memory, whatever it asks for.
+// Files with one error each. Every error is reported in one line that names the file and the location in it, and no
+// file makes the reader take much memory.
 #include <array>
 #include <csignal>
 #include <cstring>
@@ -71,7 +71,7 @@ std::string errorWithinLimits(const std::filesystem::path &path)
     return WIFEXITED(status) ? text : "killed by signal " + std::to_string(WTERMSIG(status));
 }
 
-// What follows the path in the one line that reading a file of these bytes gives.
+// The error of reading a file of these bytes, without the path that its line begins with; "none" if there is none.
 std::string errorOf(const Bytes &bytes, const std::string &name = "test.glb")
 {
     const TemporaryFolder folder;
@@ -89,7 +89,7 @@ std::string errorOf(const Replacements &replacements)
 
 struct Wrong {
     Replacements replacements;
-    std::string error; // what the line begins with
+    std::string error; // the beginning of the line
 };
 
 void expectErrors(const std::vector<Wrong> &files)
@@ -162,7 +162,7 @@ uint32_t crc(const Bytes &bytes, size_t begin, size_t end)
     return ~value;
 }
 
-// With another size in its header, and the checksum for it.
+// The image with another size in its header, and the checksum of that.
 Bytes resizedPng(Bytes png, uint32_t width, uint32_t height)
 {
     for (size_t i = 0; i < 4; ++i) {
@@ -201,7 +201,7 @@ TEST(GltfWrongFile, Truncations)
         EXPECT_NE(errorOf(cut), "none") << length;
         if (length < 12)
             continue;
-        // With a header that knows it, so that what is behind the header has to notice.
+        // The header states the cut length, so that the code that reads the rest has to notice.
         for (size_t i = 0; i < 4; ++i)
             cut[8 + i] = static_cast<uint8_t>(length >> (8 * i));
         EXPECT_EQ(errorOf(cut).find("without the path"), std::string::npos) << length;
@@ -220,7 +220,7 @@ TEST(GltfWrongFile, ShortLengthInTheHeader)
     }
 }
 
-// What lies behind the length in the header is no chunk, whatever it looks like.
+// Bytes after the length in the header are not a chunk, whatever they look like.
 TEST(GltfWrongFile, BytesBehindTheGlb)
 {
     const std::string json = R"({"asset": {"version": "2.0"}, "buffers": [{"byteLength": 536870912}], "bufferViews":
@@ -341,7 +341,7 @@ TEST(GltfWrongFile, HugeCounts)
         {{{"\"name\": \"wood\"", "\"extras\": [" + repeated("0,", 9000000) + "0]"}}, "there are too many objects"},
         {{{"{\"name\": \"wood\"}", repeated("{},", 200000) + "{}"}}, "there are too many objects in it"},
     });
-    // What nobody here reads takes none of that memory.
+    // Members that are never read take none of that memory.
     EXPECT_EQ(errorOf({{"\"name\": \"wood\"", "\"extras\": [" + repeated("0,", 5000000) + "0]"}}),
               "without the path: none");
 }
@@ -484,7 +484,7 @@ TEST(GltfWrongFile, Uris)
     EXPECT_EQ(error(bufferUri("data:;base64,AAAAA")), "buffer 0: its base64 text is cut off");
     EXPECT_EQ(error(bufferUri("data:AAAA")), "buffer 0: the data URI has no comma");
     EXPECT_EQ(error(imageUri("data:image/png;base64,iVBORw0KGgo=")).substr(0, 25), "image 0 cannot be decoded");
-    // One line, of a bearable length.
+    // The message is one line of limited length.
     const std::string longName = error(bufferUri(repeated("long", 100000)));
     EXPECT_LT(longName.size(), 1000u);
     EXPECT_EQ(error(bufferUri("a\\nb")), "buffer 0 (a?b): no such file");
@@ -520,7 +520,7 @@ TEST(GltfWrongFile, LinksThatLeadOut)
         EXPECT_EQ(errorOfUri(bufferUri(uri)), "buffer 0 (" + uri + "): " + message);
         EXPECT_EQ(errorOfUri(imageUri(uri)), "image 0 (" + uri + "): " + message);
     }
-    // What is right, for comparison: links that stay inside, and links to the folder or to the model.
+    // Valid links, for comparison: they stay inside the folder, or lead to the folder or to the model.
     link("inside.bin", "in/near.bin");
     link((folder / "in/deep").string(), "in/shallow");
     link("in", "entrance");
@@ -544,7 +544,7 @@ TEST(GltfWrongFile, LinksThatLeadOut)
               "buffer 0 (outside.bin): a link leads out of the file's folder");
 }
 
-// Small files that ask for much work: all of them are read, or rejected, within the limits of a process here.
+// Small files that need much work: all are read, or rejected, within the limits of this process.
 TEST(GltfWrongFile, ManyAttributes)
 {
     std::string attributes = "\"POSITION\": 0";
@@ -569,7 +569,7 @@ TEST(GltfWrongFile, ManyUsesOfOneAccessor)
     EXPECT_NE(error.find("the accessors of the file are read too often"), std::string::npos) << error;
 }
 
-// What is right, for comparison: names with spaces, percent signs and more than ASCII.
+// Valid names, for comparison: with spaces, percent signs and characters outside ASCII.
 TEST(GltfWrongFile, NamesOfFilesThatAreThere)
 {
     const TemporaryFolder folder;

@@ -31,7 +31,7 @@ protected:
 
 } // namespace
 
-// Without tolerances, anywhere: states are those of the mathematics, except what single precision cannot tell.
+// Without tolerances, states are mathematically exact, except where single precision cannot decide.
 TEST_F(GpuBakeExact, ClaimsNothingThatIsNotSo)
 {
     test::TestRandom random(2);
@@ -82,14 +82,14 @@ TEST_F(GpuBakeExact, ClaimsNothingThatIsNotSoOnGrids)
         ASSERT_EQ(sum.wrong, 0u);
     }
     record(sum);
-    // Many of these touch the cutoff exactly, which single precision cannot tell from crossing it.
+    // Many of these touch the cutoff exactly, which single precision cannot distinguish from crossing it.
     EXPECT_LE(sum.needless * 100, sum.all);
     EXPECT_GT(sum.mixed, sum.all / 10);
     EXPECT_LT(sum.mixed, sum.all - sum.all / 10);
 }
 
-// With the tolerances that a sampler needs, over the micro-triangle with its margins.
-TEST_F(GpuBakeExact, TolerancesCostNoMoreThanTheyAskFor)
+// With the tolerances that a sampler needs, states hold over the micro-triangle and its margins.
+TEST_F(GpuBakeExact, TolerancesCostNoMoreThanTheirMargins)
 {
     test::TestRandom random(3);
     Tally sum;

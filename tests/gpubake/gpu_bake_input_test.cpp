@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the GPU baker reads: indices, texture coordinates and images of all kinds, and what is wrong with some.
+// Inputs of the GPU baker: indices, texture coordinates and images of all kinds, and invalid ones.
 #include <bit>
 #include <cmath>
 #include <limits>
@@ -33,7 +33,7 @@ protected:
         const AlphaImage image(gpu(), std::span(&texture_, 1), AlphaImage::Format::Float);
         return runner_.bake(image, mesh, options_);
     }
-    // That the first triangles are as those of triangles_.
+    // Checks that the first triangles have the same states as those of triangles_.
     void expectSame(const GpuBaked &baked)
     {
         const GpuBaked expected = bake(Mesh::of(triangles_));
@@ -199,7 +199,7 @@ TEST_F(GpuBakeInputs, TexelsOfFourComponents)
     EXPECT_LE(different, 2u) << "a driver may turn bytes into floats in a way of its own";
 }
 
-// A claim holds on each mip level: what the CPU baker says of all of them.
+// A claim holds on each mip level, as with the CPU baker.
 TEST_F(GpuBakeInputs, MipLevels)
 {
     test::TestRandom random(5);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the GPU baker makes of states: records, indices and data, with any capacity.
+// Results of the GPU baker for given states: records, indices and data, with any capacity.
 #include <algorithm>
 #include <cmath>
 
@@ -19,7 +19,7 @@ protected:
     {
         test::TestRandom random(12);
         texture_ = test::smoothTexture(random, 61, 47);
-        // Some are tiny, and so often one state all over.
+        // Some triangles are tiny, and often of one state all over.
         for (int i = 0; i < 250; ++i)
             for (const TriangleUvs &uvs : test::randomTriangles(random, 61, 47))
                 triangles_.push_back(uvs);
@@ -184,7 +184,7 @@ TEST_F(GpuBakeResults, TwoStates)
 }
 
 // Levels, and all four alpha tests, as on the CPU; the guesses are nearly all the same.
-TEST_F(GpuBakeResults, AsOnTheCpu)
+TEST_F(GpuBakeResults, EqualTheCpuBaker)
 {
     size_t guesses = 0;
     size_t unlike = 0;

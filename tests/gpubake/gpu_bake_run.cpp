@@ -218,7 +218,7 @@ GpuBaked BakeJob::read() const
     GpuBaked baked;
     baked.result = result();
     baked.data.assign(data_.bytes(), data_.bytes() + data_.size());
-    // Without any, the address is null.
+    // The address is null without records.
     const auto *records = reinterpret_cast<const VkMicromapTriangleEXT *>(records_.bytes());
     baked.records.assign(records, records + records_.size() / sizeof *records);
     const auto *indices = reinterpret_cast<const int32_t *>(indices_.bytes());

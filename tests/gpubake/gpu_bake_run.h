@@ -58,7 +58,7 @@ struct GpuBaked {
     std::vector<uint8_t> data;
 
     [[nodiscard]] vellum::State stateOf(uint32_t triangle, uint32_t microTriangle) const;
-    // What a micromap build makes of it.
+    // The micromap that a build makes of these arrays.
     [[nodiscard]] vellum::Micromap micromap() const;
 };
 
@@ -68,7 +68,7 @@ vellum::GpuBakeOutput outputForAll(const Mesh &mesh, const vellum::GpuBakeOption
 inline constexpr VkBufferUsageFlags kBakeStorage =
     VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 
-// One bake: its buffers, between guard bytes, and its commands.
+// One bake: its buffers, which guard bytes surround, and its commands.
 class BakeJob
 {
 public:
@@ -80,7 +80,7 @@ public:
 
     // Makes the output's buffers; before anything that writes them is recorded.
     void setOutput(const vellum::GpuBakeOutput &output, VkBufferUsageFlags more = 0);
-    // What the application's commands would be: false where the baker refuses.
+    // Records what an application would. Returns false if the baker rejects it.
     [[nodiscard]] bool record(VkCommandBuffer commands);
     [[nodiscard]] bool recordSizes(VkCommandBuffer commands);
     [[nodiscard]] bool recordData(VkCommandBuffer commands);
@@ -108,7 +108,7 @@ class BakeRunner
 public:
     explicit BakeRunner(Gpu &gpu);
 
-    // In one step with capacity for all, or in two with the capacity that the first returns, unless `output` has
+    // Bakes in one step with capacity for all, or in two with the capacity that the first returns, unless `output` has
     // another.
     GpuBaked bake(const AlphaImage &image, const Mesh &mesh, const vellum::GpuBakeOptions &options,
                   Steps steps = Steps::One, const vellum::GpuBakeOutput *output = nullptr);
@@ -143,7 +143,7 @@ private:
     static inline std::unique_ptr<BakeRunner> shared_;
 };
 
-// The same options for the GPU.
+// The same options for the GPU baker.
 vellum::GpuBakeOptions onGpu(const vellum::BakeOptions &options);
 
 } // namespace vt

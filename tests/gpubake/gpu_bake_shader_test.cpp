@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the GPU baker's shaders ask of a device: no more than every device of Vulkan 1.2 with buffer device addresses
-// has.
+// The GPU baker's shaders require no more of a device than Vulkan 1.2 with buffer device addresses guarantees.
 #include <array>
 #include <span>
 

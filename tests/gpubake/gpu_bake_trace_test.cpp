@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From texture to rays: a bake and a micromap build in one command buffer, with nothing read back in between.
+// A texture's bake and a micromap build in one command buffer, without a readback, and rays that meet the result.
 #include <array>
 
 #include "bake_cases.h"

@@ -16,7 +16,7 @@ def find_chromium():
 
 
 class Browser:
-    """One page. What it logs, throws and asks the network for is kept in `console` and `requests`."""
+    """One page. What it logs, throws and requests of the network is kept in `console` and `requests`."""
 
     def __init__(self, program, width=1280, height=900):
         self.folder = tempfile.TemporaryDirectory()

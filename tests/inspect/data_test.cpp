@@ -6,8 +6,8 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
-#include "base/text.h"
 #include "base/json_writer.h"
+#include "base/text.h"
 #include "gltf/file/uri.h"
 #include "inspect/page_data.h"
 #include "inspect/tally.h"
@@ -92,7 +92,8 @@ TEST(PageData, StatesAreCoarserWhereTheyWouldBeTooMany)
     EXPECT_EQ(data.records[1].states, (StateCounts{32, 32, 0, 0})) << "counted at its own level";
 }
 
-// What a page grows with is the number of different triangles and of different data, not of the file's triangles.
+// The size of a page depends on the numbers of different triangles and of different data, not on the number of
+// triangles in the file.
 TEST(PageData, AHundredThousandTriangles)
 {
     InspectedFile file = madeUpFile();
@@ -142,7 +143,7 @@ TEST(InspectEncoding, TextIsHarmlessInPages)
     EXPECT_EQ(markupText("\xc3\xa9"), "&#233;");
 }
 
-TEST(InspectEncoding, WhatIsNoUtf8IsReplaced)
+TEST(InspectEncoding, InvalidUtf8IsReplaced)
 {
     for (const char *text : {"\xff", "\xc3", "\xe2\x80", "\xf0\x9f\x8d", "\x80"})
         EXPECT_EQ(jsonString(text).substr(0, 7), "\"\\ufffd") << text;

@@ -23,7 +23,7 @@ protected:
         return folder / "card.glb";
     }
     // Inspects it, and expects one line about what is wrong and nothing written.
-    void expectRefusal(const Bytes &bytes, const std::string &words, std::vector<std::string> more = {}) const
+    void expectRejection(const Bytes &bytes, const std::string &words, std::vector<std::string> more = {}) const
     {
         std::vector<std::string> arguments = {"inspect", write(bytes).string(), "--html", page().string()};
         arguments.insert(arguments.end(), more.begin(), more.end());
@@ -47,28 +47,28 @@ protected:
 
 TEST_F(InspectCommand, RejectsFilesWithoutMicromaps)
 {
-    expectRefusal(cardGlb(), "no primitive has a micromap");
+    expectRejection(cardGlb(), "no primitive has a micromap");
 }
 
-TEST_F(InspectCommand, RejectsWhatIsNotGltf)
+TEST_F(InspectCommand, RejectsOtherFiles)
 {
-    expectRefusal({'n', 'o'}, "card.glb: ");
+    expectRejection({'n', 'o'}, "card.glb: ");
     Bytes damaged = cardGlb();
     damaged.resize(damaged.size() / 2);
-    expectRefusal(damaged, "card.glb: ");
-    expectRefusal(damaged, "card.glb: ", {"--bake"});
+    expectRejection(damaged, "card.glb: ");
+    expectRejection(damaged, "card.glb: ", {"--bake"});
 }
 
 TEST_F(InspectCommand, RejectsWrongChoices)
 {
-    expectRefusal(cardGlb(), "--triangle must be a number, a range like 3-9, or several with commas, got 3-",
-                  {"--bake", "--triangle", "3-"});
-    expectRefusal(cardGlb(), "no triangle with a micromap", {"--bake", "--triangle", "77"});
-    // Also where others are there.
-    expectRefusal(cardGlb(), "there is no mesh 77", {"--bake", "--mesh", "0,77"});
-    expectRefusal(cardGlb(), "there is no material laef", {"--bake", "--material", "leaf", "--material", "laef"});
-    expectRefusal(cardGlb(), "--size", {"--bake", "--size", "7"});
-    expectRefusal(cardGlb(), "is not a directory", {"--bake", "--picture", (folder / "a" / "b.png").string()});
+    expectRejection(cardGlb(), "--triangle must be a number, a range like 3-9, or several with commas, got 3-",
+                    {"--bake", "--triangle", "3-"});
+    expectRejection(cardGlb(), "no triangle with a micromap", {"--bake", "--triangle", "77"});
+    // Also if other meshes or materials of that list exist.
+    expectRejection(cardGlb(), "there is no mesh 77", {"--bake", "--mesh", "0,77"});
+    expectRejection(cardGlb(), "there is no material laef", {"--bake", "--material", "leaf", "--material", "laef"});
+    expectRejection(cardGlb(), "--size", {"--bake", "--size", "7"});
+    expectRejection(cardGlb(), "is not a directory", {"--bake", "--picture", (folder / "a" / "b.png").string()});
 }
 
 TEST_F(InspectCommand, WritesToStdout)
@@ -130,7 +130,7 @@ TEST_F(InspectCommand, ShowsWhatTheFileHas)
     const Outcome stored = runVellum({"inspect", baked.string(), "--html", page().string()});
     EXPECT_EQ(stored.exitCode, 0) << stored.errors;
     EXPECT_NE(stored.output.find("EXT_mesh_opacity_micromap"), std::string::npos) << stored.output;
-    // Except the file's own line, that is what baking in memory shows.
+    // Except for the line about the file, the page equals that of baking in memory.
     const Outcome made = runVellum({"inspect", write(cardGlb()).string(), "--bake", "--html", page().string()});
     const auto afterFile = [](const std::string &output) { return output.substr(output.find("micromaps ")); };
     EXPECT_EQ(afterFile(stored.output), afterFile(made.output));

@@ -7,10 +7,10 @@
 namespace vellum::test
 {
 
-// One material and one micromap with two triangles: a 4-state one of level 2, whose micro-triangle i has the state
-// i % 4, and a 2-state one of level 3, which is opaque in its first half. One primitive with five triangles: a square
-// of the first and the second, the second a second time, one that is opaque all over, and one that is
-// unknown-transparent and has coordinates that are no numbers.
+// One material and one micromap with two triangles: a 4-state one of level 2, whose micro-triangle i has the state i %
+// 4, and a 2-state one of level 3, whose first half is opaque. One primitive with five triangles: a square of the first
+// and the second, the second again, one that is opaque all over, and one that is unknown-transparent and has NaN
+// coordinates.
 inspect::InspectedFile madeUpFile();
 
 } // namespace vellum::test

@@ -79,14 +79,14 @@ class PageTest(unittest.TestCase):
         """Of the canvas."""
         x, y = self.place(u, v)
         left, top, *_ = self.canvas_box()
-        # By way of another canvas: Chromium complains about reading from one that is drawn to.
+        # The pixel is copied to another canvas first: Chromium warns about reading from one that is drawn to.
         return self.value(f"""(() => {{
             const pixel = new OffscreenCanvas(1, 1).getContext("2d", {{ willReadFrequently: true }});
             pixel.drawImage(document.getElementById("canvas"), {-round(x - left)}, {-round(y - top)});
             return [...pixel.getImageData(0, 0, 1, 1).data]; }})()""")
 
     def settle(self):
-        """Until what was done is drawn: a frame, and whatever tiles it asks for."""
+        """Waits until changes are drawn: a frame, and the tiles that it requests."""
         self.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
         self.browser.wait_for(READY)
 

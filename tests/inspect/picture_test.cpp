@@ -49,7 +49,7 @@ TEST(UvPicture, EachMicroTriangleHasItsState)
     }
 }
 
-TEST(UvPicture, NothingWhereNoTriangleIs)
+TEST(UvPicture, EmptyOutsideTriangles)
 {
     const InspectedFile file = madeUpFile();
     const UvWindow window{-1, 0, 50, 100, 50}; // from u = -1 to 1

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Installs a build into a scratch prefix, moves that, and uses what lies there as a stranger would.
+"""Installs a build into a scratch prefix, moves that, and uses what lies there as a user who has not seen the sources would.
 
 Run by ctest, with the options that main() has; what comes after them goes to unittest.
 """
@@ -74,7 +74,7 @@ class Installation(unittest.TestCase):
         shutil.rmtree(options.scratch, ignore_errors=True)
         first = options.scratch / "first"
         run(options.cmake, "--install", options.build, "--prefix", first)
-        # Nothing may remember where it was installed.
+        # No installed file may depend on the path of installation.
         cls.prefix = options.scratch / "second place"
         first.rename(cls.prefix)
         cls.lib = cls.prefix / options.libdir
@@ -103,9 +103,9 @@ class Installation(unittest.TestCase):
 
     def build_by_pkg_config(self, example, *compiler, package="vellum", source="bake.c*", arguments=()):
         program = options.scratch / f"pkg-config-{example}"
-        asked = run("pkg-config", "--cflags", "--libs", package, environment={
+        flags = run("pkg-config", "--cflags", "--libs", package, environment={
             "PKG_CONFIG_PATH": str(self.lib / "pkgconfig")})
-        words = asked.replace("\\ ", "\0").split()
+        words = flags.replace("\\ ", "\0").split()
         source, = (self.examples / example).glob(source)
         run(*compiler, *WARNINGS, *flags(), source, "-o", program, *(word.replace("\0", " ") for word in words))
         return run(program, *arguments, environment={"LD_LIBRARY_PATH": str(self.lib)})
@@ -175,25 +175,25 @@ class Installation(unittest.TestCase):
             project(gpubake LANGUAGES CXX)
             set(CMAKE_CXX_STANDARD 20)
             find_package(Vellum REQUIRED COMPONENTS GpuBake)
-            add_executable(room room.cpp)
-            target_link_libraries(room PRIVATE Vellum::gpubake)
+            add_executable(output output.cpp)
+            target_link_libraries(output PRIVATE Vellum::gpubake)
             """)
-        (project / "room.cpp").write_text("""
+        (project / "output.cpp").write_text("""
             #include <cstdio>
             #include <vellum/gpu_bake.h>
             int main()
             {
-                vellum::GpuBakeOutput room{};
-                room.triangles[5] = 3;
+                vellum::GpuBakeOutput output{};
+                output.triangles[5] = 3;
                 std::printf("%llu bytes\\n", static_cast<unsigned long long>(
-                    vellum::GpuBaker::recordBytes(room)));
+                    vellum::GpuBaker::recordBytes(output)));
             }
             """)
         run(options.cmake, "-S", project, "-B", project / "build", "-G", options.generator,
             f"-DCMAKE_PREFIX_PATH={self.prefix}", f"-DCMAKE_CXX_COMPILER={options.cxx}",
             f"-DCMAKE_CXX_FLAGS={' '.join(WARNINGS + flags())}")
         run(options.cmake, "--build", project / "build")
-        self.assertEqual(run(project / "build/room"), "24 bytes\n")
+        self.assertEqual(run(project / "build/output"), "24 bytes\n")
 
     def test_version_of_the_package(self):
         project = options.scratch / "versions"

@@ -60,7 +60,7 @@ def variables(build, source, path, other_source):
     if source != other_source and (changes.returncode or changes.stdout):
         return {}
     write_index(build, source, path, other_source)
-    # Without what Python loads at its start: there are hundreds of files.
+    # Isolated and without site packages, because Python would load hundreds of files at its start.
     launcher = ";".join([os.path.realpath(sys.executable), "-I", "-S", os.path.realpath(__file__)])
     return {VARIABLE: str(path), "CMAKE_C_COMPILER_LAUNCHER": launcher, "CMAKE_CXX_COMPILER_LAUNCHER": launcher}
 
@@ -81,7 +81,7 @@ def object_of(entries, file, options):
 
 def objects_for(index, words):
     """The objects that together are what the command makes, where, and for what dependencies."""
-    # Where Vellum is a part of another project, its folder is one in the build folder.
+    # If Vellum is part of another project, its folder is a subfolder of the build folder.
     folder = words[words.index("-o") + 1].partition("src/")[0] if "-o" in words else ""
     build = os.path.join(os.getcwd(), folder).rstrip("/")
     file, output, dependencies, options = parse(words, index["source"], build)

@@ -9,6 +9,6 @@ namespace vellum::test
 {
 
 extern std::atomic<long> allocationsLeft;  // until one fails; negative for never
-extern std::atomic<long> allocationsAlive; // that have not been given back
+extern std::atomic<long> allocationsAlive; // not freed yet
 
 } // namespace vellum::test

@@ -65,7 +65,7 @@ void expectSame(const Sample &sample, const vellum::BakeResult &expected)
 
 } // namespace
 
-TEST(LibraryBake, IsTheBakers)
+TEST(LibraryBake, EqualsTheBaker)
 {
     Sample sample;
     ASSERT_EQ(sample.bake(), VELLUM_SUCCESS) << sample.message;
@@ -76,7 +76,7 @@ TEST(LibraryBake, IsTheBakers)
     expectSame(sample, expected);
     EXPECT_EQ(sample.messages, 0);
 
-    // Without options, too: the defaults of both are the same.
+    // Null options are the same defaults.
     vellumDestroyMicromap(sample.micromap);
     ASSERT_EQ(vellumBake(&sample.input, 1, nullptr, &sample.micromap), VELLUM_SUCCESS);
     expectSame(sample, bakeSample(sample, {}, sampleTexture(sample)));
@@ -295,7 +295,7 @@ TEST(LibraryBake, ReadsEveryFormOfCoordinates)
         EXPECT_EQ(sample.bytes(), expected) << format;
     }
 
-    // No indices, vertices with something else in between, and fewer triangles than there are vertices for.
+    // Without indices, vertices with other data in between, and fewer triangles than there are vertices for.
     sample.input.indexType = VELLUM_INDEX_TYPE_NONE;
     sample.input.uvFormat = VELLUM_FORMAT_R32G32_SFLOAT;
     sample.input.uvs = straight.data() + 1;

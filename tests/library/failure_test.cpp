@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What libvellum says of bad input, of structures of other versions, of too little memory, and when it is cancelled.
+// Results of libvellum on bad input, structures of other versions, lack of memory, and cancellation.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -117,7 +117,7 @@ TEST(LibraryFailure, BadMembersAreNamed)
     EXPECT_EQ(vellumBake(nullptr, 2, &sample.options, &sample.micromap), VELLUM_ERROR_INVALID_ARGUMENT);
     EXPECT_EQ(vellumBake(&sample.input, 1, &sample.options, nullptr), VELLUM_ERROR_INVALID_ARGUMENT);
     EXPECT_EQ(sample.messages, 3);
-    sample.options.structSize = 0; // whose callback nobody can know
+    sample.options.structSize = 0; // so the callback cannot be read
     EXPECT_EQ(sample.bake(), VELLUM_ERROR_INVALID_ARGUMENT);
     EXPECT_EQ(sample.messages, 0);
     sample.options.message = nullptr;
@@ -248,7 +248,7 @@ TEST(LibraryFailure, OutOfMemory)
         const bool reached = allocationsLeft < 0;
         allocationsLeft = -1;
         if (result == VELLUM_SUCCESS) {
-            // Without a second thread, if that was what there was no memory for.
+            // If the memory for the second thread was missing, the bake uses one thread.
             const auto made = sample.bytes();
             EXPECT_EQ(made, expected);
             vellumDestroyMicromap(sample.micromap);

@@ -26,7 +26,7 @@ struct Card {
         vellumInitBakeOptions(&options, sizeof options);
         options.level = 4;
         options.threads = 1;
-        options.message = tell;
+        options.message = onMessage;
         options.userData = this;
         vellumInitGltfBakeOptions(&more, sizeof more);
         more.skipped = note;
@@ -36,7 +36,7 @@ struct Card {
     Card &operator=(const Card &) = delete;
     ~Card() { vellumDestroyGltf(gltf); }
 
-    static void tell(void *self, VellumResult result, const char *text)
+    static void onMessage(void *self, VellumResult result, const char *text)
     {
         auto &card = *static_cast<Card *>(self);
         ++card.messages;
@@ -61,13 +61,13 @@ struct Card {
         message.clear();
         messages = 0;
         vellumDestroyGltf(gltf);
-        return vellumReadGltf(path(name).c_str(), tell, this, &gltf);
+        return vellumReadGltf(path(name).c_str(), onMessage, this, &gltf);
     }
     VellumResult check(const std::string &name, size_t most = 100)
     {
         message.clear();
         notes.clear();
-        return vellumCheckGltf(path(name).c_str(), most, note, tell, this);
+        return vellumCheckGltf(path(name).c_str(), most, note, onMessage, this);
     }
     [[nodiscard]] VellumGltfPrimitiveInfo primitive(size_t number) const
     {
@@ -95,7 +95,7 @@ struct Card {
             std::copy(to.begin(), to.end(), found);
         writeFile(folder / "damaged.glb", bytes);
     }
-    // What a failure must not leave: anything but the input.
+    // The number of files. A failure must leave only the input.
     [[nodiscard]] size_t files() const
     {
         const std::filesystem::directory_iterator entries(folder.path());
@@ -141,7 +141,7 @@ TEST(LibraryGltf, ReadsWhatItBaked)
     EXPECT_EQ(info.primitiveCount, 1u);
 
     const StoredMicromaps stored = readMicromaps(Document(card.folder / "card.omm.glb"));
-    Micromap whole; // as one that a build reads
+    Micromap whole; // the micromap that a build reads
     whole.triangles = stored.micromaps.at(0).triangles;
     whole.data = stored.micromaps.at(0).data;
     whole.indices = stored.primitives.at({0, 0}).indices;
@@ -214,9 +214,9 @@ TEST(LibraryGltf, SkipsBlendByDefault)
     ASSERT_EQ(card.bake(), VELLUM_SUCCESS);
     EXPECT_TRUE(card.notes.empty());
     const Bytes without = readFile(card.folder / "card.omm.glb");
-    card.more.blendCutoff = 2; // which no alpha reaches
+    card.more.blendCutoff = 2; // above every alpha
     ASSERT_EQ(card.bake(), VELLUM_SUCCESS);
-    EXPECT_EQ(readFile(card.folder / "card.omm.glb"), without) << "a cutoff that was not asked for";
+    EXPECT_EQ(readFile(card.folder / "card.omm.glb"), without) << "a cutoff that was not requested";
     card.more.flags |= VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT;
     ASSERT_EQ(card.bake(), VELLUM_SUCCESS);
     EXPECT_NE(readFile(card.folder / "card.omm.glb"), without);
@@ -243,7 +243,7 @@ TEST(LibraryGltf, LeavesWhatMatches)
     EXPECT_TRUE(card.notes.empty());
 }
 
-TEST(LibraryGltf, TheMicromapsOfAGltfLieBesideItOrInIt)
+TEST(LibraryGltf, MicromapsInASeparateFileOrEmbedded)
 {
     Card card;
     writeFile(card.folder / "image.png", discPng());
@@ -260,7 +260,7 @@ TEST(LibraryGltf, TheMicromapsOfAGltfLieBesideItOrInIt)
     Bytes bytes(sizeof triangle);
     std::memcpy(bytes.data(), triangle, sizeof triangle);
     writeFile(card.folder / "triangle.bin", bytes);
-    const auto buffer = [&card] { // its name tells its content
+    const auto buffer = [&card] { // its name depends on its content
         for (const auto &entry : std::filesystem::directory_iterator(card.folder.path()))
             if (entry.path().filename().string().starts_with("baked.omm-"))
                 return entry.path();
@@ -368,14 +368,14 @@ TEST(LibraryGltf, BadArgumentsAreNamed)
     EXPECT_EQ(card.message, "input is null");
     EXPECT_EQ(vellumBakeGltf(path.c_str(), "", &card.options, nullptr, nullptr), VELLUM_ERROR_INVALID_ARGUMENT);
     EXPECT_EQ(card.message, "output is empty");
-    EXPECT_EQ(vellumReadGltf(nullptr, Card::tell, &card, &card.gltf), VELLUM_ERROR_INVALID_ARGUMENT);
+    EXPECT_EQ(vellumReadGltf(nullptr, Card::onMessage, &card, &card.gltf), VELLUM_ERROR_INVALID_ARGUMENT);
     EXPECT_EQ(card.message, "path is null");
-    EXPECT_EQ(vellumReadGltf(path.c_str(), Card::tell, &card, nullptr), VELLUM_ERROR_INVALID_ARGUMENT);
+    EXPECT_EQ(vellumReadGltf(path.c_str(), Card::onMessage, &card, nullptr), VELLUM_ERROR_INVALID_ARGUMENT);
     EXPECT_EQ(vellumReadGltf(nullptr, nullptr, nullptr, nullptr), VELLUM_ERROR_INVALID_ARGUMENT);
-    EXPECT_EQ(vellumCheckGltf(path.c_str(), 1, nullptr, Card::tell, &card), VELLUM_ERROR_INVALID_ARGUMENT);
-    EXPECT_EQ(vellumCheckGltf("", 1, Card::note, Card::tell, &card), VELLUM_ERROR_INVALID_ARGUMENT);
+    EXPECT_EQ(vellumCheckGltf(path.c_str(), 1, nullptr, Card::onMessage, &card), VELLUM_ERROR_INVALID_ARGUMENT);
+    EXPECT_EQ(vellumCheckGltf("", 1, Card::note, Card::onMessage, &card), VELLUM_ERROR_INVALID_ARGUMENT);
     EXPECT_EQ(card.messages, 6);
-    card.options.structSize = 0; // whose callback nobody can know
+    card.options.structSize = 0; // so the callback cannot be read
     EXPECT_EQ(card.bake(), VELLUM_ERROR_INVALID_ARGUMENT);
     EXPECT_EQ(card.messages, 0);
     vellumInitGltfBakeOptions(nullptr, 100);
@@ -504,5 +504,5 @@ TEST(LibraryGltf, OutOfMemory)
     const std::string output = card.path("card.omm.glb");
     const std::string baked = card.path("whole.glb");
     failEach([&] { return vellumBakeGltf(input.c_str(), output.c_str(), &card.options, &card.more, nullptr); });
-    failEach([&] { return vellumReadGltf(baked.c_str(), Card::tell, &card, &card.gltf); });
+    failEach([&] { return vellumReadGltf(baked.c_str(), Card::onMessage, &card, &card.gltf); });
 }

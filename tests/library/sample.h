@@ -29,7 +29,7 @@ inline std::vector<uint8_t> discTexels(int size)
     return texels;
 }
 
-// One input with its texture, and options. Not to be copied: they point to each other.
+// One input with its texture, and options. Not copyable: they point to each other.
 struct Sample {
     static constexpr int kSize = 32;
 

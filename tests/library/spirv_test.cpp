@@ -178,7 +178,7 @@ TEST_F(Spirv, RejectsWrongArguments)
     vellumDestroySpirv(nullptr);
 }
 
-TEST_F(Spirv, RejectsEntryPointsThatAreNotThere)
+TEST_F(Spirv, RejectsMissingEntryPoints)
 {
     ASSERT_EQ(edit(), VELLUM_SUCCESS);
     VellumSpirvEntryPointInfo values{};

@@ -63,7 +63,7 @@ TEST(LibraryWrapper, SameAsC)
     EXPECT_EQ(static_cast<uint32_t>(micromap.state(1, 0.3f, 0.2f)), state);
 }
 
-// What is written in bake.h is what the library says.
+// The defaults in bake.h are those of the library.
 TEST(LibraryWrapper, DefaultsAreThoseOfC)
 {
     const BakeOptions defaults;

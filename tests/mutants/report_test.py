@@ -27,11 +27,11 @@ class Report(unittest.TestCase):
     def test_table(self):
         lines = report.report(self.results, {"a.h:5:flag:0": "why"})
         for line in ("| chosen | 7 |", "| stillborn: do not compile | 1 |", "| equivalent: the same binary | 1 |",
-                     "| equivalent: judged | 1 |", "| counted: a killer was run against them | 3 |", "| tests | 3 | 1 | 33.3 % | 1.0 |",
+                     "| equivalent: explained | 1 |", "| counted: a killer was run against them | 3 |", "| tests | 3 | 1 | 33.3 % | 1.0 |",
                      "| check | 1 | 1 | 100.0 % | 3.0 |", "| any of them | 3 | 2 | 66.7 % | |", "| flag | 2 | 2 |",
                      "| b | 1 | 0 |"):
             self.assertIn(line, lines)
-        survivors = lines[lines.index("## Survivors"):lines.index("## Judged equivalent")]
+        survivors = lines[lines.index("## Survivors"):lines.index("## Explained as equivalent")]
         self.assertEqual([line for line in survivors if ":" in line], ["b/c.h:1:constant:0"])
         self.assertIn("a.h:5:flag:0: why", lines)
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the oracle tests of ray queries and of ray tracing pipelines share.
+// Shared by the oracle tests of ray queries and of ray tracing pipelines.
 #pragma once
 
 #include <functional>
@@ -26,7 +26,7 @@ struct Traced {
     bool hit;
 };
 using TraceScene = std::function<std::vector<Traced>(const Scene &, std::span<const Hits>)>;
-// Traces that many random scenes and expects no fault, and at least `minimum` rays that could be judged.
+// Traces `scenes` random scenes. Expects no fault, and at least `minimum` rays whose result is defined.
 void compareScenes(vt::Gpu &gpu, const Limits &limits, uint32_t scenes, uint64_t minimum, const TraceScene &trace);
 
 } // namespace oracle

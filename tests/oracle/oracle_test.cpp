@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Random scenes, traced by ray queries through the layer and by the oracle, compared ray by ray: the candidates handed
 // to the shader and the hit that stays.
-#include "gpu/arena.h"
 #include "check/groups/random_case.h"
-#include "check/oracle/query_judge.h"
+#include "check/oracle/query_fault.h"
 #include "compare_scenes.h"
+#include "gpu/arena.h"
 
 namespace
 {
@@ -12,7 +12,7 @@ namespace
 using namespace oracle;
 using namespace vellum::check;
 
-std::vector<Traced> judged(const Scene &scene, std::span<const Hits> hits, const std::vector<vt::Result> &results)
+std::vector<Traced> checked(const Scene &scene, std::span<const Hits> hits, const std::vector<vt::Result> &results)
 {
     std::vector<Traced> traced;
     for (size_t i = 0; i < results.size(); ++i)
@@ -26,7 +26,7 @@ void compare(vt::Gpu &gpu, const Limits &limits, uint32_t scenes, uint64_t minim
     vt::Tracer tracer(gpu);
     compareScenes(gpu, limits, scenes, minimum, [&](const Scene &scene, std::span<const Hits> hits) {
         const Built built = build(gpu, scene);
-        return judged(scene, hits, tracer.trace(*built.scene, scene.rays, kCapacity));
+        return checked(scene, hits, tracer.trace(*built.scene, scene.rays, kCapacity));
     });
 }
 
@@ -90,13 +90,13 @@ protected:
     PackedToTheEndOracle() : PackedOracle(vt::Memory::PackedToTheEnd) {}
 };
 
-// Whether oracle and driver agree where Vellum has no part.
+// Checks that oracle and driver agree without Vellum.
 TEST_F(OracleWithoutLayer, PlainScenes)
 {
     compare(gpu(), {.micromaps = false}, 40, 20000);
 }
 
-// The same of geometry in all its forms.
+// As above, with geometry in all its forms.
 TEST_F(OracleWithoutLayer, UnusualGeometry)
 {
     compare(gpu(), {.micromaps = false, .unusual = 80, .formats = gpu().vertexFormats()}, 60, 20000);

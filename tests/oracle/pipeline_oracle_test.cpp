@@ -2,9 +2,9 @@
 // Random scenes, traced by a ray tracing pipeline through the layer and by the oracle, compared ray by ray: the
 // invocations of any-hit and intersection shaders, and the hit that stays. The binding table mixes hit groups with and
 // without any-hit and closest-hit shaders, and zero records.
-#include "gpu/pipeline_tracer.h"
-#include "check/oracle/pipeline_judge.h"
+#include "check/oracle/pipeline_fault.h"
 #include "compare_scenes.h"
+#include "gpu/pipeline_tracer.h"
 
 namespace
 {
@@ -38,7 +38,7 @@ protected:
     PipelineOracleWithoutLayer() : PipelineTest({.vellum = false, .validation = false, .micromaps = false}) {}
 };
 
-// Whether oracle and driver agree where Vellum has no part.
+// Checks that oracle and driver agree without Vellum.
 TEST_F(PipelineOracleWithoutLayer, PlainScenes)
 {
     compare(gpu(), {.micromaps = false}, 40, 20000);

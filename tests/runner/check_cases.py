@@ -3,7 +3,7 @@
 """Checks that CTest runs every test case at least once, and that every file of tests is compiled.
 
 PROGRAMS is a file that lists the GoogleTest programs of a build, one a line. A case counts as run if a test of the build
-starts its program with a filter that takes it. Disabled cases never run, and so are reported, but for those called
+starts its program with a filter that takes it. Disabled cases never run, and so are reported, except those called
 DISABLED_Run: other cases start them, as programs.
 
 usage: check_cases.py --build FOLDER --tests FOLDER --programs PROGRAMS [--ctest CTEST]

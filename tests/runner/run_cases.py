@@ -155,7 +155,7 @@ class Run:
         return not process.hung and process.status == (1 if failed else 0)
 
     def separately(self, cases, process, ended):
-        """The program failed beside its cases: each of them alone."""
+        """The program failed outside its cases: runs each of them alone."""
         found = False
         for case in cases:
             alone = Process(self.options.program, [case], self.options.timeout)
@@ -190,7 +190,7 @@ class Run:
 
 
 def list_cases(program, chosen):
-    """All cases that the filter takes, in order, but for disabled ones."""
+    """All cases that the filter takes, in order, except disabled ones."""
     command = program + ["--gtest_list_tests"] + ([f"--gtest_filter={chosen}"] if chosen else [])
     listing = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True).stdout
     cases, suite = [], None

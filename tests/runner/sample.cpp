@@ -59,7 +59,7 @@ TEST(Bad, PassesInTheEnd) {}
 
 TEST(Late, Passes) {}
 
-// As a leak that a sanitizer finds when the program ends.
+// Like a leak that a sanitizer finds when the program ends.
 TEST(Late, FailsAtTheEndOfTheProgram)
 {
     atExitFails = true;

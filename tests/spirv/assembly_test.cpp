@@ -95,7 +95,7 @@ TEST(Queries, StructsAndArraysThroughChains)
     text.replace(text.find("%scene %out"), 11, "%scene %out %holders");
     const Forms f = formsOfText(text);
     EXPECT_EQ(f.innerCalls, 3u);
-    EXPECT_EQ(f.proceedFunctions, 2u); // two ways to reach a query
+    EXPECT_EQ(f.proceedFunctions, 2u); // two access paths to a query
     EXPECT_EQ(f.candidateFunctions, 2u);
 }
 
@@ -143,7 +143,7 @@ TEST(Loops, SideEffectsBeforeTheCallForbidTheFlatForm)
     EXPECT_EQ(flat("%x = OpLoad %uint %result Volatile\n"), 0u);
     EXPECT_EQ(flat("%x = OpAtomicIAdd %uint %result %u1 %u0 %u1\n"), 0u);
     EXPECT_EQ(flat("OpStore %var %u1\n"), 0u);
-    // What the last candidate left behind: it would be another candidate.
+    // The lookup would use data of the last candidate, which is another one.
     EXPECT_EQ(flat("%x = OpRayQueryGetIntersectionTypeKHR %uint %q %i0\n"), 0u);
 }
 
@@ -156,8 +156,8 @@ TEST(Loops, LineNumbersDoNotMatter)
     EXPECT_EQ(formsOfText(text).flatCalls, 1u);
 }
 
-// The custom index of a candidate is kept beside its query where all is known that is done with it. What tells a
-// debugger of the query does nothing.
+// The custom index of a candidate is stored in a variable next to its query if all uses of the query are known. Debug
+// instructions about the query are not uses.
 TEST(Queries, KeepTheIndexInSpiteOfDebugInformation)
 {
     const std::string get = "%x = OpRayQueryGetIntersectionInstanceCustomIndexKHR %int %q %i0\nOpStore %var %u1\n";
@@ -167,11 +167,11 @@ TEST(Queries, KeepTheIndexInSpiteOfDebugInformation)
                      "OpExtension \"SPV_KHR_non_semantic_info\"\n%set = OpExtInstImport \"" + set + "\"\n");
         return count(disassemble(rewriteValid(assemble(text))), "OpVariable %_ptr_Function_uint Function");
     };
-    const size_t others = variables("NonSemantic.Other"); // nobody knows what this does
+    const size_t others = variables("NonSemantic.Other"); // of unknown effect
     EXPECT_EQ(variables("NonSemantic.Shader.DebugInfo.9"), others + 1);
 }
 
-TEST(Declarations, OfMicromapsAreRemoved)
+TEST(Declarations, MicromapDeclarationsAreRemoved)
 {
     std::string text = moduleText("");
     text.replace(text.find("OpExtension"), 11,
@@ -216,7 +216,7 @@ TEST(UnknownInstructions, PassThroughWhereTheyStand)
         const auto at = std::search(result.words.begin(), result.words.end(), unknown.begin(), unknown.end());
         EXPECT_NE(at, result.words.end());
     }
-    // In a block on the loop's way round they may do anything: no flat form.
+    // In a block that continues the loop an instruction may have any effect, so the flat form is not used.
     Module out = spirv::rewrite(insertBefore(words, spv::OpRayQueryProceedKHR, unknown), {}).words;
     const auto at = std::search(out.begin(), out.end(), unknown.begin(), unknown.end());
     out.erase(at, at + 3); // spirv-dis does not pass them through

@@ -66,13 +66,13 @@ TEST(BadModules, RandomWords)
             ASSERT_EQ(result.error.empty(), result.status != Status::Failed);
         }
     }
-    // Both ways are taken often.
+    // Both outcomes occur often.
     EXPECT_GT(rewritten, 1000);
     EXPECT_GT(failed, 1000);
 }
 
 // Damage that leaves a module valid must leave the rewritten one valid.
-TEST(BadModules, WhatWasValidStaysValid)
+TEST(BadModules, ValidModulesStayValid)
 {
     std::mt19937 random(11);
     int checked = 0;
@@ -99,7 +99,7 @@ TEST(BadModules, OtherByteOrderAndNoSpirv)
     EXPECT_EQ(spirv::rewrite(swapped, {}).status, Status::Unchanged);
 }
 
-// Also by instructions that installed headers do not know: what is put in their place would define it once more.
+// Also by instructions that the installed headers do not know: the rewritten code would define the id again.
 TEST(BadModules, ResultIdDefinedTwice)
 {
     for (const uint32_t opcode : {5271u, 5308u, 5326u}) { // of hit objects: custom index (NV), flags, custom index
@@ -166,7 +166,7 @@ TEST(BadModules, ManyEntryPointsOfManyFunctions)
     EXPECT_EQ(entries->size(), kMany);
 }
 
-// The first type of a module may be one that nobody here knows. Decorations still come before it.
+// The first type of a module may be unknown to the rewriter. Decorations still come before it.
 TEST(Modules, DecorationsBeforeAnUnknownType)
 {
     constexpr uint32_t kUnknown = 0xfff0;
@@ -193,7 +193,7 @@ TEST(Modules, DecorationsBeforeAnUnknownType)
     EXPECT_EQ(validate(without), "");
 }
 
-// Instructions of ray queries that nobody here knows, such as those of SPV_NV_linear_swept_spheres, stay as they are.
+// Unknown instructions of ray queries, such as those of SPV_NV_linear_swept_spheres, stay unchanged.
 // Spheres are candidates of the type of triangles; since their geometries have no micromaps, they are resolved as
 // triangles without one.
 TEST(Modules, UnknownInstructionsOfQueriesStay)

@@ -52,7 +52,7 @@ const char *const kTrace = R"(
            OpFunctionEnd
 )";
 
-// What an entry point declares: nothing, or an id of kConstants.
+// Declarations of an entry point: nothing, or an id of kConstants.
 const char *const kConstants = R"(
     %fun = OpTypeFunction %void %ptr_query
    %null = OpConstantNull %bool
@@ -148,7 +148,7 @@ TEST(ExecutionMode, SpecializationConstants)
 }
 
 // The other form, with a loop inside vellumProceed.
-TEST(ExecutionMode, OfProceedCallsThatAreNoLoop)
+TEST(ExecutionMode, ProceedCallsWithoutALoop)
 {
     const std::string body = R"(
       %p = OpRayQueryProceedKHR %bool %q
@@ -161,7 +161,7 @@ TEST(ExecutionMode, OfProceedCallsThatAreNoLoop)
     EXPECT_EQ(formsOf(rewriteText(oneEntry("%spec", "", body)).words).innerCalls, 1u);
 }
 
-// With VK_EXT_opacity_micromap the mode does not matter, nor does its operand.
+// With VK_EXT_opacity_micromap neither the mode nor its operand matters.
 TEST(ExecutionMode, DoesNotMatterWhereAllQueriesConsume)
 {
     for (const char *operand : {"", "%true", "%false", "%spec", "%u0", "%main"})
@@ -178,12 +178,12 @@ TEST(ExecutionMode, TrueAddsNoCode)
     EXPECT_EQ(rewriteText(twoEntries("%true", "%true")).words, rewriteText(twoEntries("%true", "%true"), always).words);
 }
 
-TEST(ExecutionMode, AddsNoCodeWhereItIsNotDeclared)
+TEST(ExecutionMode, UndeclaredAddsNoCode)
 {
     EXPECT_EQ(spirv::rewrite(assemble(moduleText("%p = OpRayQueryProceedKHR %bool %q\n")), kWhereDeclared).status,
               Status::Unchanged);
     EXPECT_EQ(count(disassemble(rewriteText(oneEntry("%false")).words), "vellum"), 0u);
-    // Slots are custom indices all the same.
+    // Custom indices are slots nevertheless.
     for (const char *shader : {"while_loop.comp", "flags.comp", "opaque_boxes.comp", "array.comp"}) {
         const auto result = spirv::rewrite(loadShader(shader, "v15"), kWhereDeclared);
         const std::string text = disassemble(result.words);
@@ -210,7 +210,7 @@ TEST(ExecutionMode, AFalseSpecializationConstantIsFoldedAway)
     }
 }
 
-TEST(ExecutionMode, OfEntryPointsThatShareFunctions)
+TEST(ExecutionMode, EntryPointsThatShareFunctions)
 {
     const std::map<uint32_t, uint32_t> specialization{{7, 1}, {8, 0}};
     const std::map<std::string, Seen> declared{
@@ -241,7 +241,7 @@ TEST(ExecutionMode, SharedFunctionsOfOlderModules)
                   before->section(spirv::Section::EntryPoints)[i].count);
 }
 
-TEST(ExecutionMode, OfTheStageOfAPipeline)
+TEST(ExecutionMode, StageOfAPipeline)
 {
     for (const char *entry : {"main", "other"}) {
         spirv::RewriteOptions options = kWhereDeclared;
@@ -252,7 +252,7 @@ TEST(ExecutionMode, OfTheStageOfAPipeline)
     }
 }
 
-// What the driver gets of ray flags, and what the application reads.
+// The ray flags that the driver receives, and those that the application reads.
 struct FlagCase {
     const char *operand;
     bool consumes;

@@ -37,7 +37,7 @@ class Glsl : public testing::TestWithParam<std::tuple<Case, const char *>>
 {
 };
 
-TEST_P(Glsl, IsRewrittenInTheExpectedForm)
+TEST_P(Glsl, ExpectedForms)
 {
     const auto &[c, variant] = GetParam();
     const Module words = loadShader(c.shader, variant);
@@ -83,7 +83,7 @@ INSTANTIATE_TEST_SUITE_P(All, Glsl,
 INSTANTIATE_TEST_SUITE_P(All, OptimizedGlsl,
                          testing::Combine(testing::ValuesIn(kCases), testing::Values("v15", "v14", "v16")), caseName);
 
-TEST(Modules, ThatDoNotTraceAreUnchanged)
+TEST(Modules, ModulesWithoutTracesAreUnchanged)
 {
     const Module words = loadShader("plain.comp", "v15");
     EXPECT_FALSE(spirv::scan(words).tracesRays);
@@ -99,7 +99,7 @@ TEST(Modules, KeepsThoseThatNeedNoRewriting)
     EXPECT_EQ(spirv::rewrite(words, {}).status, Status::Unchanged);
 }
 
-TEST(Modules, OfRayTracingStagesGetTheirCustomIndexBack)
+TEST(Modules, RayTracingStagesReadTheirCustomIndex)
 {
     for (const char *variant : {"v15", "v14", "v16", "debug"}) {
         const std::string text = disassemble(rewriteValid(loadShader("hit.rchit", variant)));
@@ -121,7 +121,7 @@ TEST(Modules, CarryTheRootAddress)
 }
 
 // Vulkan 1.1 has SPIR-V 1.3, which ray queries do not need more than.
-TEST(Modules, OfSpirv13StayWhatTheyAre)
+TEST(Modules, Spirv13StaysUnchanged)
 {
     std::string text = moduleText("%p = OpRayQueryProceedKHR %bool %q\n");
     const std::string interface = "\"main\" %scene %out";
@@ -133,7 +133,7 @@ TEST(Modules, OfSpirv13StayWhatTheyAre)
     EXPECT_EQ(count(rewritten, "\"SPV_KHR_physical_storage_buffer\""), 1u);
 }
 
-TEST(Flags, ThatAreConstantAreTakenOutAndPutBack)
+TEST(Flags, ConstantFlagsAreRemovedAndRestored)
 {
     const std::string text = disassemble(rewriteValid(loadShader("constant_flags.comp", "v15")));
     EXPECT_EQ(count(text, " %uint_4 %uint_255"), 1u) << text;
@@ -149,8 +149,8 @@ TEST(Flags, OpaqueMakesBoxesOpaque)
     EXPECT_EQ(count(text, "%true\n"), 1u) << text;
 }
 
-// One that a function advances is not known where the application gets it, and of a committed hit that the driver
-// decided nobody has looked it up.
+// The index of a candidate is unknown if a function advances the query, and that of a committed hit if the driver
+// decided it without a lookup.
 TEST(Modules, KeepTheCustomIndexOfACandidateThatTheyDecide)
 {
     for (const char *variant : {"v15", "v14", "v16"}) {
@@ -166,8 +166,8 @@ TEST(Modules, KeepTheCustomIndexOfACandidateThatTheyDecide)
     EXPECT_EQ(count(disassemble(idle.words), "vellumIndexOf"), 0u);
 }
 
-// What is not constant is kept, and the driver does not get it.
-TEST(GlslFlags, LieBesideTheQuery)
+// Ray flags that are not constant are kept in a variable and hidden from the driver.
+TEST(GlslFlags, InASideVariable)
 {
     for (const char *variant : {"v15", "v14", "v16"}) {
         for (const char *shader : {"flags.comp", "specialized.comp", "kept_flags.comp"}) {

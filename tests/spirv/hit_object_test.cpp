@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Hit objects, and the hidden ray flags that lie beside them where flags travel in payloads.
+// Hit objects, and the variables with their hidden ray flags, for pipelines that pass flags in payloads.
 #include "machine.h"
 #include "support.h"
 
@@ -88,8 +88,8 @@ Module hitObjects(const std::string &body, const std::string &other = "", const 
     return words;
 }
 
-// The same with SPV_EXT_shader_invocation_reorder, which assemblers are too old for. What that has and the extension of
-// NV has not is stood for by instructions with as many operands.
+// The module with SPV_EXT_shader_invocation_reorder, which assemblers do not support yet. Instructions that the NV
+// extension lacks are represented in the text by others with as many operands.
 Module toExt(Module words)
 {
     static const std::map<uint32_t, uint32_t> kExt{
@@ -137,7 +137,7 @@ std::string executeNV(const std::string &object = "%object")
     return "OpHitObjectExecuteShaderNV " + object + " %payload\n";
 }
 
-// Of EXT, by what stands for them in the text.
+// Instructions of the EXT extension, by their representation in the text.
 std::string recordMissEXT(const std::string &flags)
 {
     return "OpHitObjectRecordMissMotionNV %object " + flags + " %zero %vector %number %vector %number\n";
@@ -157,7 +157,7 @@ const std::string kRecordFromQuery = "OpEmitMeshTasksEXT %object %query %zero %a
 const std::string kTraceWithItsFlags =
     "%flags = OpHitObjectGetShaderBindingTableRecordIndexNV %uint %object\n" + traceRay("%flags");
 
-// What a ray generation shader does where flags travel in payloads.
+// Runs a ray generation shader of a pipeline that passes flags in payloads.
 Seen run(const Module &words, const char *entryPoint = "main")
 {
     const auto result = rewriteAs(words, {kNoneFixed, 0}, entryPoint);
@@ -177,7 +177,7 @@ TEST(HitObjects, KeepTheHiddenFlagsOfTheirRay)
     EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
 }
 
-// And they reach what the application computes.
+// Flags that the application computes are passed on.
 TEST(HitObjects, KeepFlagsThatAreComputed)
 {
     const Module words =
@@ -188,7 +188,7 @@ TEST(HitObjects, KeepFlagsThatAreComputed)
     EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
 }
 
-TEST(HitObjects, ArePassedToFunctionsWithTheirFlags)
+TEST(HitObjects, FunctionsGetTheFlags)
 {
     const Module words = hitObjects(
         traceObject("%opaque") + recordMissNV("%own") + "%called = OpFunctionCall %void %h %object %own\n", "", R"(
@@ -206,7 +206,7 @@ TEST(HitObjects, ArePassedToFunctionsWithTheirFlags)
     EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
 }
 
-TEST(HitObjects, InArraysHaveTheirFlagsInArrays)
+TEST(HitObjects, ArraysHaveArraysOfFlags)
 {
     const Module words =
         hitObjects("%one = OpAccessChain %op %objects %zero\n" + traceObject("%opaque", "%one") + executeNV("%one"));
@@ -216,7 +216,7 @@ TEST(HitObjects, InArraysHaveTheirFlagsInArrays)
     EXPECT_EQ(count(disassemble(result.words), "OpTypeArray %uint %uint_2"), 1u) << disassemble(result.words);
 }
 
-TEST(HitObjects, OfTheExtExtensionKeepThemToo)
+TEST(HitObjects, ExtExtensionKeepsFlags)
 {
     EXPECT_EQ(run(extHitObjects(traceObject("%force") + kReorderExecute + executeNV())),
               (Seen{1024, kTraced, 1024, kExecuted, 1024, kExecuted}));
@@ -238,7 +238,7 @@ TEST(HitObjects, ShowTheFlagsOfTheirRay)
 }
 
 // A hit object has the flags that the driver knows of the query that it is made from.
-TEST(HitObjects, OfQueriesKeepTheFlagsOfTheQuery)
+TEST(HitObjects, KeepTheFlagsOfTheirQuery)
 {
     const struct {
         const char *flags;
@@ -250,15 +250,15 @@ TEST(HitObjects, OfQueriesKeepTheFlagsOfTheQuery)
         const std::string made = computed + initialize(c.flags) + kRecordFromQuery;
         EXPECT_EQ(run(extHitObjects(made + executeNV())), (Seen{c.hidden, kExecuted | c.driver})) << c.flags;
         EXPECT_EQ(run(extHitObjects(made + kTraceWithItsFlags)), (Seen{c.hidden, kTraced | c.driver})) << c.flags;
-        // Pipelines without micromaps are not rewritten for themselves. The application reads its flags all the same.
+        // Pipelines without micromaps are not rewritten for themselves. The application reads its flags nevertheless.
         const auto whole = spirv::rewrite(extHitObjects(made + kTraceWithItsFlags), {.rootAddress = 0x1000});
         ASSERT_EQ(whole.status, Status::Rewritten) << whole.error;
         EXPECT_EQ(Machine(whole.words, {}).run(), (Seen{kTraced | c.driver | c.hidden})) << c.flags;
     }
 }
 
-// What is hidden of queries that consume micromaps is not of others.
-TEST(HitObjects, OfQueriesWithoutMicromapsHaveTheFlagsThatTheDriverKnows)
+// Flags are hidden from the driver only for queries that consume micromaps.
+TEST(HitObjects, QueriesWithoutMicromapsKeepDriverFlags)
 {
     std::string text = moduleOf(initialize("%skip") + kRecordFromQuery + kTraceWithItsFlags,
                                 initialize("%opaque", "%t") + kRecordFromQuery);
@@ -274,9 +274,9 @@ TEST(HitObjects, OfQueriesWithoutMicromapsHaveTheFlagsThatTheDriverKnows)
     EXPECT_EQ(Machine(result.words, {}).run("main"), (Seen{kTraced | 256}));
 }
 
-// Nothing lies beside a copy, and beside what is reached in no way that is known. What the stage does not reach does no
-// harm.
-TEST(HitObjects, ThatAreCopiedAreRejected)
+// A copy of an object has no variable for its flags, nor has an object that is accessed in an unknown way. Code that
+// the stage does not reach does not matter.
+TEST(HitObjects, CopiesAreRejected)
 {
     const std::string copy = "%copied = OpLoad %hit %object\nOpStore %own %copied\n" + executeNV("%own");
     const Module words = assemble(moduleOf(traceObject("%opaque") + copy, traceObject("%opaque", "%object", "%t")));
@@ -299,12 +299,12 @@ TEST(HitObjects, PassWhereFlagsAreConstant)
     EXPECT_EQ(tracedFlags(hitObjects(traceObject("%opaque") + recordMissNV())), differ);
     // An empty object has no ray.
     EXPECT_EQ(tracedFlags(hitObjects(traceObject("%opaque") + "OpHitObjectRecordEmptyNV %object\n")), opaque);
-    // What an object is said to have missed with are ray flags like those of a ray.
+    // The ray flags of a recorded miss are like those of a ray.
     EXPECT_EQ(tracedFlags(extHitObjects(recordMissEXT("%opaque") + traceRay("%opaque"))), opaque);
     EXPECT_EQ(tracedFlags(extHitObjects(recordMissEXT("%noOpaque") + traceRay("%opaque"))), differ);
     const auto constant = rewriteAs(extHitObjects(recordMissEXT("%opaque")), {kAllFixed, 1});
     EXPECT_EQ(Machine(constant.words, {}).run(), (Seen{kTraced}));
-    // Those of a query have the query's, and the application reads them.
+    // An object that is recorded from a query has the query's flags, and the application can read them.
     EXPECT_EQ(tracedFlags(extHitObjects(initialize("%skip") + kRecordFromQuery)), none);
     const Module reads = extHitObjects(initialize("%opaque") + kRecordFromQuery +
                                        "%flags = OpHitObjectGetShaderBindingTableRecordIndexNV %uint %object\n"
@@ -314,7 +314,7 @@ TEST(HitObjects, PassWhereFlagsAreConstant)
     const std::string computed = "%c = OpLoad %uint %computed\n";
     EXPECT_EQ(tracedFlags(extHitObjects(computed + initialize("%c") + kRecordFromQuery)),
               (spirv::TracedFlags{.traces = true, .fixed = 0}));
-    // In a pipeline without micromaps only the flag is hidden that the driver does not know.
+    // In a pipeline without micromaps, only the flag that the driver does not know is hidden.
     Module idle = extHitObjects(recordMissEXT("%force"));
     idle.insert(idle.begin() + 5, {2u << 16 | spv::OpCapability, spv::CapabilityRayTracingOpacityMicromapKHR});
     const auto result = spirv::rewrite(idle, {});

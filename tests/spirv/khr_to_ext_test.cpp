@@ -57,7 +57,7 @@ TEST(Translate, ReportsForgottenModes)
     EXPECT_TRUE(spirv::translateToExt(assemble(moduleText(""))).queriesForget);
 }
 
-// Nothing is read beyond the words.
+// The scan never reads beyond the words.
 TEST(Translate, WordsThatAreCutShort)
 {
     const Module words = assemble(declaring("OpCapability !6032\nOpExtension \"SPV_KHR_opacity_micromap\"\n",

@@ -91,7 +91,7 @@ uint32_t Machine::constant(Instruction in) const
 
 void Machine::branch(Id to)
 {
-    // All phis of a block read before any of them is written.
+    // All phis of a block are read before any of them is written.
     const auto &code = module_.section(Section::Functions);
     at_ = labels_.at(to);
     std::map<Id, uint32_t> next;

@@ -57,7 +57,7 @@ private:
     std::map<spirv::Id, uint32_t> specialized_;
     uint32_t rayFlags_ = 0;
     std::map<spirv::Id, spirv::Id> arguments_;     // by pointer parameter
-    std::map<spirv::Id, uint32_t> hitObjectFlags_; // that the driver knows, by variable
+    std::map<spirv::Id, uint32_t> hitObjectFlags_; // flags that the driver knows, by variable
 };
 
 } // namespace vellum::test

@@ -42,7 +42,7 @@ Module edited(const Module &words, const ModeEdit &edit)
     return result.words;
 }
 
-std::string refusal(const Module &words, const ModeEdit &edit)
+std::string rejection(const Module &words, const ModeEdit &edit)
 {
     const spirv::ModeResult result = spirv::editMicromapMode(words, edit);
     EXPECT_TRUE(result.words.empty());
@@ -106,7 +106,7 @@ Module threeEntries()
 )");
 }
 
-TEST(MicromapMode, IsReadForEachEntryPoint)
+TEST(MicromapMode, ReadForEachEntryPoint)
 {
     const std::vector<EntryPoint> entries = entriesOf(threeEntries());
     ASSERT_EQ(entries.size(), 3u);
@@ -170,7 +170,7 @@ TEST(MicromapMode, NamedEntryPoints)
     EXPECT_EQ(modeOf(plain, "plain"), MicromapMode{When::Always});
     const Module both = edited(one, {.entryPoints = {"main"}});
     EXPECT_EQ(modeOf(edited(both, {.to = To::Absent, .entryPoints = {"caller"}}), "main"), MicromapMode{When::Always});
-    EXPECT_EQ(refusal(one, {.entryPoints = {"main", "missing"}}),
+    EXPECT_EQ(rejection(one, {.entryPoints = {"main", "missing"}}),
               "there is no entry point missing; the module has main, caller, plain");
 }
 
@@ -192,14 +192,14 @@ TEST(MicromapMode, SpecializationConstantsOfTheModule)
                                   "%void =", "OpDecorate %spec SpecId 4\nOpDecorate %size SpecId 5\n");
     const Module words = edited(assemble(text), {.to = To::Specialized, .constantId = 4, .initial = true});
     EXPECT_EQ(count(textOf(words), "OpSpecConstantTrue"), 1u);
-    EXPECT_EQ(refusal(assemble(text), {.to = To::Specialized, .constantId = 4}),
+    EXPECT_EQ(rejection(assemble(text), {.to = To::Specialized, .constantId = 4}),
               "the specialization constant 4 of the module has the default true");
-    EXPECT_EQ(refusal(assemble(text), {.to = To::Specialized, .constantId = 5}),
+    EXPECT_EQ(rejection(assemble(text), {.to = To::Specialized, .constantId = 5}),
               "the specialization constant 5 of the module is not of type bool");
 }
 
 // A module without the type, decorations, names or extensions, and with a line before its function.
-TEST(MicromapMode, MakesWhatIsMissing)
+TEST(MicromapMode, AddsMissingDeclarations)
 {
     const Module words = assemble(R"(
                OpCapability Shader
@@ -239,20 +239,20 @@ TEST(MicromapMode, OtherDeclarationsStay)
 TEST(MicromapMode, RejectsMalformedModules)
 {
     const Module words = assemble(moduleText(""));
-    EXPECT_EQ(refusal({}, {}), "not a SPIR-V module of this machine's byte order");
+    EXPECT_EQ(rejection({}, {}), "not a SPIR-V module of this machine's byte order");
     Module old = words;
     old[1] = 0x10300;
-    EXPECT_EQ(refusal(old, {}), "SPV_KHR_opacity_micromap needs SPIR-V 1.4; the module has 1.3");
+    EXPECT_EQ(rejection(old, {}), "SPV_KHR_opacity_micromap needs SPIR-V 1.4; the module has 1.3");
     Module bound = words;
     bound[3] = 4'194'303;
-    EXPECT_EQ(refusal(bound, {}), "the bound of its ids is 4194303");
+    EXPECT_EQ(rejection(bound, {}), "the bound of its ids is 4194303");
     Module cut = words;
     cut.push_back(2u << 16);
-    EXPECT_EQ(refusal(cut, {}),
+    EXPECT_EQ(rejection(cut, {}),
               "word " + std::to_string(words.size()) + ", opcode 0: instruction runs past the end of the module");
 }
 
-// Nothing is read beyond the words.
+// The scan never reads beyond the words.
 TEST(MicromapMode, ShortenedModules)
 {
     const Module words = edited(threeEntries(), {.to = To::Specialized, .constantId = 7});

@@ -9,7 +9,8 @@
 namespace vellum::test
 {
 
-// Whether the file is a module (.spv), or a C array with the words of one as the build makes it of a shader (.h).
+// True if the file is a module (.spv), or a C array (.h) with the words of one, as the build generates it from a
+// shader.
 bool isModuleFile(const std::filesystem::path &file);
 
 // Throws std::runtime_error unless the file contains words.

@@ -81,7 +81,7 @@ TEST(Payloads, GivesShadersWithoutOneTheSameTypeAsTheOthers)
     }
 }
 
-TEST(Payloads, AreUnknownIfOfSeveralTypesOrSpecialized)
+TEST(Payloads, SeveralTypesOrSpecializedAreUnknown)
 {
     const auto model = static_cast<uint32_t>(spv::ExecutionModelClosestHitKHR);
     const Module number = closestHit("%payload = OpTypeFloat 32");
@@ -112,14 +112,14 @@ TEST(Payloads, AreUnknownIfOfSeveralTypesOrSpecialized)
     EXPECT_TRUE(payloadOf(closestHit("%u = OpTypeInt 32 0\n%n = OpSpecConstant %u 3\n%payload = OpTypeArray %u %n"),
                           spv::ExecutionModelClosestHitKHR)
                     .empty());
-    // Where it is not known, the prefix is alone.
+    // If the payload's type is unknown, the payload is the prefix alone.
     const auto own = rewriteAs(loadShader("empty.rahit", "v15"), spv::ExecutionModelAnyHitKHR,
                                spirv::Prologue::TriangleHits, {kNoneFixed, 0});
     EXPECT_EQ(payloadOf(own.words, spv::ExecutionModelAnyHitKHR),
               (spirv::TypeWords{spv::OpTypeStruct, 1, spv::OpTypeInt, 32, 0}));
 }
 
-// Before SPIR-V 1.4 no interface has payloads: one that no code uses is the ray's all the same, if it is the only one.
+// Before SPIR-V 1.4 no interface has payloads: an unused one is nevertheless the ray's, if it is the only one.
 TEST(Payloads, FindsUnusedOnesBeforeSpirv14)
 {
     const Module words = closestHit("%payload = OpTypeFloat 32", "", 0x00010300);
@@ -132,7 +132,8 @@ TEST(Payloads, FindsUnusedOnesBeforeSpirv14)
     EXPECT_EQ(count(disassemble(result.words), "OpVariable %_ptr_IncomingRayPayload"), 1u) << disassemble(result.words);
 }
 
-// In a module of several stages it may be another's, of which a ray that meets this one knows nothing.
+// In a module of several stages the payload may belong to another stage, and then rays that reach this one do not have
+// it.
 TEST(Payloads, IgnoresThoseOfOtherStages)
 {
     const auto module = [](const std::string &store) {
@@ -178,8 +179,9 @@ TEST(Payloads, IgnoresThoseOfOtherStages)
         (spirv::TypeWords{spv::OpTypeStruct, 2, spv::OpTypeInt, 32, 0, spv::OpTypeArray, 64, spv::OpTypeInt, 32, 0}));
 }
 
-// Of two, it is the one that the stage's code uses; a literal that happens to be equal to the other's id is no use.
-TEST(Payloads, AreNotMistakenForLiterals)
+// Of two variables, the stage's payload is the one that its code uses; a literal that equals the id of the other is not
+// a use.
+TEST(Payloads, LiteralsAreNotUses)
 {
     std::string module = rayTracingText(R"(
         OpEntryPoint AnyHitKHR %f "main"

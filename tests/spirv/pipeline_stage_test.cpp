@@ -62,7 +62,7 @@ TEST(PipelineStages, AreValidInEveryVersion)
             rewriteStage(stage, variant);
 }
 
-TEST(PipelineStages, AnyHitShadersOfTrianglesAreAskedLast)
+TEST(PipelineStages, TheLookupRunsBeforeAnyHitShadersOfTriangles)
 {
     const std::string text = rewriteStage(kTriangles);
     EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumResolve"), 1u);
@@ -70,15 +70,15 @@ TEST(PipelineStages, AnyHitShadersOfTrianglesAreAskedLast)
     EXPECT_EQ(count(text, "OpEntryPoint AnyHitNV %vellumEntry \"main\"") +
                   count(text, "OpEntryPoint AnyHitKHR %vellumEntry \"main\""),
               1u);
-    EXPECT_EQ(count(text, "OpIgnoreIntersectionKHR"), 2u); // the application's, and ours
+    EXPECT_EQ(count(text, "OpIgnoreIntersectionKHR"), 2u); // the application's, and the layer's
     // The application's variables are used, none is there twice.
     for (const char *builtIn : {"InstanceCustomIndex", "IncomingRayFlags", "PrimitiveId", "RayGeometryIndex"})
         EXPECT_EQ(count(text, std::string("BuiltIn ") + builtIn), 1u) << builtIn;
     EXPECT_EQ(count(text, "OpVariable %_ptr_HitAttributeNV") + count(text, "OpVariable %_ptr_HitAttributeKHR"), 1u);
 }
 
-// Instructions that nobody here knows may be next to the entry points.
-TEST(PipelineStages, UnknownInstructionsBesideTheEntryPointStay)
+// Unknown instructions may be next to the entry points.
+TEST(PipelineStages, UnknownInstructionsOutsideTheEntryPointStay)
 {
     const std::vector<uint32_t> unknown{3u << 16 | 0x7abc, 0x1234567, 0x89abcde};
     Module words = loadShader(kTriangles.shader, "v15");
@@ -91,7 +91,7 @@ TEST(PipelineStages, UnknownInstructionsBesideTheEntryPointStay)
     EXPECT_FALSE(std::ranges::search(result.words, unknown).empty());
 }
 
-TEST(PipelineStages, WhatAnAnyHitShaderLacksIsAdded)
+TEST(PipelineStages, MissingDeclarationsOfAnyHitShadersAreAdded)
 {
     const std::string text = rewriteStage(kEmpty);
     EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumResolve"), 1u);
@@ -108,7 +108,7 @@ TEST(PipelineStages, BoxesAreNotLookedUp)
     EXPECT_EQ(count(text, "OpFunctionCall %void %main"), 1u);
 }
 
-// In a library, whose any-hit shaders groups of triangles and of boxes may name: the hit kind decides.
+// In a library, groups of triangles and of boxes may use the any-hit shader: the hit kind decides.
 TEST(PipelineStages, EitherKindOfHit)
 {
     const std::string text = rewriteStage(kEither);
@@ -133,7 +133,7 @@ TEST(PipelineStages, RayFlagsAreHidden)
     EXPECT_EQ(count(text, "%uint_16 %uint_255"), 1u); // nothing to hide
 }
 
-// In pipelines without micromaps only the flag that the driver does not know is hidden, where the module may have it.
+// In pipelines without micromaps only the flag that the driver does not know is hidden, if the module can have it.
 TEST(PipelineStages, HidesOnlyTheUnknownFlagWithoutMicromaps)
 {
     std::vector<uint32_t> trace = loadShader("trace.rgen", "v15");
@@ -187,8 +187,8 @@ TEST(PipelineStages, AreValidInEveryVersionWithFlagsInPayloads)
     }
 }
 
-// Each ray has its flags in the payload before it is traced; a shader reads those of its own ray before the payload is
-// handed on.
+// Each ray's flags are stored in the payload before it is traced; a shader reads those of its own ray before it passes
+// the payload on.
 TEST(PipelineStages, FlagsTravelInPayloads)
 {
     const std::string traced = rewriteHiding(kTrace, kInPayload);
@@ -198,7 +198,7 @@ TEST(PipelineStages, FlagsTravelInPayloads)
     const std::string hit = rewriteHiding(kTriangles, kInPayload);
     EXPECT_EQ(count(hit, "OpVariable %_ptr_IncomingRayPayload"), 1u); // the application's
     EXPECT_EQ(count(rewriteHiding(kEmpty, kInPayload), "OpVariable %_ptr_IncomingRayPayload"), 1u);
-    // What is in the payload when it comes in is kept, and is what the application reads before and after.
+    // The incoming value in the payload is kept: the application reads it before and after its own trace.
     const std::string forward =
         rewriteHiding({"forward.rchit", spv::ExecutionModelClosestHitKHR, Prologue::None}, kInPayload);
     EXPECT_EQ(count(forward, "OpVariable %_ptr_Private_uint Private"), 1u);
@@ -223,7 +223,7 @@ TEST(PipelineStages, IntersectionShadersSeeNoPayload)
     const auto constant = spirv::rewrite(words, options);
     EXPECT_FALSE(constant.lacksHiddenFlags);
     EXPECT_EQ(count(disassemble(constant.words), "OpFunctionCall %bool %vellumCullsBox"), 1u);
-    // What all rays have alike it sees all the same.
+    // A flag that all rays share is visible.
     options.pipelineStage->hidden = {0x80, 0x80};
     const auto mixed = spirv::rewrite(words, options);
     EXPECT_TRUE(mixed.lacksHiddenFlags);
@@ -248,7 +248,7 @@ TEST(PipelineStages, FlagsThatAllRaysHaveAlikeAreFixed)
     EXPECT_EQ(all, (spirv::TracedFlags{.traces = true, .fixed = 0}));
 }
 
-// How far apart the hit records of an instance's geometries are.
+// The distance between the hit records of an instance's geometries.
 TEST(PipelineStages, TheGreatestStrideOfRaysIsKnown)
 {
     std::vector<uint32_t> words = loadShader("constant_trace.rgen", "v15");
@@ -273,7 +273,7 @@ TEST(PipelineStages, ConstantFlagsOfAllRaysAreKnown)
     const auto constant = spirv::scan(loadShader("constant_trace.rgen", "v15")).traced;
     EXPECT_TRUE(constant.traces);
     EXPECT_EQ(constant, (spirv::TracedFlags{.traces = true, .constant = 0x81}));
-    // Cut off anywhere, it is no longer known, or as far as it goes.
+    // In a truncated module it is unknown, or the maximum of the part that is left.
     const std::vector<uint32_t> words = loadShader("constant_trace.rgen", "v15");
     for (size_t size = 0; size < words.size(); ++size) {
         const auto cut = spirv::scan(std::span(words).first(size)).traced;
@@ -287,7 +287,7 @@ TEST(PipelineStages, ConstantFlagsOfAllRaysAreKnown)
     EXPECT_EQ(count(text, "%uint_16 %uint_255"), 1u);
 }
 
-TEST(PipelineStages, ThatCannotBeRewrittenSayWhy)
+TEST(PipelineStages, FailedRewritesStateTheReason)
 {
     spirv::RewriteOptions options = optionsOf(kTriangles);
     options.pipelineStage->entryPoint = "other";
@@ -303,7 +303,7 @@ TEST(PipelineStages, ThatCannotBeRewrittenSayWhy)
     EXPECT_NE(result.error.find("hit attributes"), std::string::npos) << result.error;
 }
 
-// Two entry points, one function, a built-in that both know, and a copy of it from memory to memory.
+// Two entry points that share a function and a built-in, and a copy of the built-in from memory to memory.
 std::string twoEntryPoints()
 {
     return rayTracingText(R"(
@@ -344,7 +344,7 @@ TEST(PipelineStages, RemovesOtherEntryPoints)
         EXPECT_EQ(count(text, "OpEntryPoint"), 1u);
         EXPECT_EQ(count(text, std::string("\"") + name + "\""), 1u);
         EXPECT_EQ(count(text, "OpCopyMemory"), 0u);
-        // Where the hit is looked up first, that finds the custom index.
+        // A prologue that looks the hit up also finds the custom index.
         const bool known = prologue == Prologue::TriangleHits;
         EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumCustomIndex"), known ? 0u : 1u) << text;
         EXPECT_EQ(count(text, "OpStore %vellumKnownIndex"), known ? 1u : 0u) << text;
@@ -354,7 +354,8 @@ TEST(PipelineStages, RemovesOtherEntryPoints)
     }
 }
 
-// What a compiler would not write, around one any-hit shader. `declarations` end the part before the types.
+// Instructions that compilers do not emit, in a module with one any-hit shader. `declarations` end the part before the
+// types.
 std::string anyHitText(const std::string &capability, const std::string &declarations, const std::string &body)
 {
     return rayTracingText("OpEntryPoint AnyHitKHR %f \"main\" %index %payload\n" + declarations +
@@ -400,7 +401,7 @@ TEST(PipelineStages, KeepsUnknownExecutionModes)
     EXPECT_EQ(spirv::rewrite(words, optionsOf(kTriangles)).status, Status::Rewritten);
 }
 
-// Before SPIR-V 1.4 the interface does not tell whose attributes are whose.
+// Before SPIR-V 1.4, the interface does not list the attributes that an entry point uses.
 TEST(PipelineStages, UseTheirOwnHitAttributes)
 {
     Module words = assemble(rayTracingText(R"(
@@ -425,7 +426,7 @@ TEST(PipelineStages, UseTheirOwnHitAttributes)
     const auto result = spirv::rewrite(words, optionsOf(kTriangles));
     ASSERT_EQ(result.status, Status::Rewritten) << result.error;
     const std::string text = disassemble(result.words);
-    EXPECT_EQ(count(text, "OpLoad %v2float"), 2u) << text; // the application's and ours, of the same variable
+    EXPECT_EQ(count(text, "OpLoad %v2float"), 2u) << text; // the application's and the layer's, of the same variable
 }
 
 // Types of hit attributes that would take for ever to walk through.

@@ -35,7 +35,7 @@ TEST(Shaders, AreValid)
     EXPECT_GT(validated, 100u) << "of those listed in " << VELLUM_SHADERS;
 }
 
-// Every entry point can be given the execution mode OpacityMicromapIdKHR, and lose it again.
+// Every entry point can receive the execution mode OpacityMicromapIdKHR, and lose it again.
 TEST(Shaders, TakeTheModeOfMicromaps)
 {
     using spirv::ModeEdit;

@@ -70,7 +70,7 @@ std::string disassemble(const Module &words)
 namespace
 {
 
-// For tests/drivers: in the folder that the environment names, if it does.
+// For tests/drivers: writes to the folder that the environment names, if any.
 void writeModule(const Module &words)
 {
     const char *folder = std::getenv("VELLUM_TEST_MODULES");
@@ -101,7 +101,7 @@ Module rewriteValid(const Module &words)
 {
     writeModule(words);
     EXPECT_EQ(validate(words), "") << disassemble(words);
-    // Both halves differ, so that a mix-up shows.
+    // Both halves differ, so that a swap is found.
     const auto result = spirv::rewrite(words, {.rootAddress = 0xfedcba9876543210});
     EXPECT_EQ(result.status, spirv::RewriteResult::Status::Rewritten) << result.error;
     EXPECT_EQ(validate(result.words), "") << disassemble(result.words);

@@ -37,7 +37,7 @@ Module rewriteValid(const Module &words);
 
 size_t count(const std::string &text, const std::string &part);
 
-// How the proceed calls of a rewritten module were handled.
+// Counts how the proceed calls of a rewritten module were handled.
 struct Forms {
     size_t proceedFunctions = 0;   // vellumProceed functions, one for each way to reach a query
     size_t candidateFunctions = 0; // vellumCandidate functions

@@ -64,7 +64,7 @@ INSTANTIATE_TEST_SUITE_P(Glsl, TraceSitesOf,
                              return name;
                          });
 
-// Two entry points that trace rays in an array of structures.
+// Two entry points that trace rays, whose acceleration structures are in an array.
 const char *const kArray = R"(
         OpCapability Shader
         OpCapability RayQueryKHR
@@ -117,7 +117,7 @@ OpReturn
 OpFunctionEnd
 )";
 
-TEST(TraceSites, AreThoseOfOneEntryPoint)
+TEST(TraceSites, OnlyOfOneEntryPoint)
 {
     const Module words = assemble(kArray);
     const auto site = [](std::optional<uint32_t> element) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Micromaps and structures that are built, copied, serialized, reloaded and traced over many frames: every ray sees
-// what the specification says of the state at its place, and nothing grows.
+// Micromaps and structures that are built, copied, serialized, reloaded and traced over many frames: every ray finds
+// the expected state, and memory does not grow.
+//
 //   VELLUM_STRESS=full    10,000 micromaps with 1,000,000 triangles, 1,000 frames
 #include <cstdio>
 #include <cstdlib>
@@ -102,11 +103,12 @@ protected:
         for (size_t i = 0; i < looks.size(); ++i) {
             const Look &look = looks[i];
             const Result &r = results[i];
-            const bool asked = look.outcome == Outcome::NonOpaque;
-            const bool hit = look.outcome == Outcome::Opaque || (asked && look.ray.rule == kAlways);
+            const bool isCandidate = look.outcome == Outcome::NonOpaque;
+            const bool hit = look.outcome == Outcome::Opaque || (isCandidate && look.ray.rule == kAlways);
             const uint32_t custom = shown[look.instance].customIndex;
-            const bool right = r.candidateCount == (asked ? 1u : 0u) && r.committed == (hit ? kTriangle : kNone) &&
-                               (!asked || r.candidates[0].customIndex == custom) &&
+            const bool right = r.candidateCount == (isCandidate ? 1u : 0u) &&
+                               r.committed == (hit ? kTriangle : kNone) &&
+                               (!isCandidate || r.candidates[0].customIndex == custom) &&
                                (!hit || (r.customIndex == custom && r.instance == look.instance));
             wrong += right ? 0 : 1;
             hits_ += hit ? 1 : 0;
@@ -210,7 +212,7 @@ void Stress::changingScene()
                 static_cast<unsigned long long>(counts.buffers), static_cast<unsigned long long>(counts.pieces),
                 static_cast<unsigned long long>(counts.guardBytes));
     EXPECT_GT(hits_, compared_ / 4);
-    if (kResidentTells) {
+    if (kResidentIsMeaningful) {
         EXPECT_LT(end.resident, warm.resident + warm.resident / 50 + (4 << 20));
     }
     EXPECT_LE(end.mappings, warm.mappings + 16);

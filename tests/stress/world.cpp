@@ -26,7 +26,7 @@ uint32_t dataBytes(uint32_t level, uint16_t format)
     return ((1u << (2 * level)) * (format == kTwoState ? 1 : 2) + 7) / 8;
 }
 
-// Index of a triangle into its micromap: three ways by geometry. Negative: special.
+// Index of a triangle into its micromap, by one of three formulas for each geometry. Negative: special.
 int32_t indexOf(uint32_t geometry, uint32_t triangle, uint32_t triangles)
 {
     if (geometry % 3 == 0)
@@ -59,12 +59,12 @@ uint16_t formatOf(uint32_t micromap, uint32_t triangle)
 uint8_t stateOf(uint32_t micromap, uint32_t version, uint32_t triangle, uint32_t index)
 {
     const uint32_t seed = mix(micromap, triangle, version + 3);
-    // Some triangles are of one state, some in stretches, some quite mixed.
+    // Some triangles have one state, some few runs of states, some mixed ones.
     const uint32_t place = seed % 4 == 0 ? 0 : seed % 4 == 1 ? index / 16 : index;
     return static_cast<uint8_t>(mix(seed, place) % (formatOf(micromap, triangle) == kTwoState ? 2 : 4));
 }
 
-// What a build of a structure reads; `info` points into this object.
+// The inputs of a structure's build; `info` points into this object.
 struct World::Description {
     Description(const World &world, uint32_t blas, VkBuildAccelerationStructureModeKHR mode)
     {
@@ -258,18 +258,18 @@ World::Map World::replaceMicromap(uint32_t micromap, VkDeviceSize bytes)
 {
     Map map;
     map.version = micromaps_[micromap].version;
-    map.room = Guarded(gpu_, bytes, 256, micromapStorageUsage(gpu_));
-    map.handle = createMicromap(gpu_, map.room.buffer(), map.room.address() - map.room.offset(), map.room.offset(),
-                                map.room.handleSize(),
-                                map.room.handleSize() != bytes ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR
-                                                               : VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
+    map.memory = Guarded(gpu_, bytes, 256, micromapStorageUsage(gpu_));
+    map.handle = createMicromap(gpu_, map.memory.buffer(), map.memory.address() - map.memory.offset(),
+                                map.memory.offset(), map.memory.handleSize(),
+                                map.memory.handleSize() != bytes ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR
+                                                                 : VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
     return std::exchange(micromaps_[micromap], std::move(map));
 }
 
 void World::buildMicromap(uint32_t micromap)
 {
-    // One that was compacted or loaded has too little room.
-    if (micromaps_[micromap].room.size() < micromapBytes_)
+    // A compacted or loaded micromap has too little capacity for a rebuild.
+    if (micromaps_[micromap].memory.size() < micromapBytes_)
         destroy(replaceMicromap(micromap, micromapBytes_));
     fillInput(micromap, micromaps_[micromap].version);
     MicromapDescription description(micromap, extent_.triangles);
@@ -281,7 +281,7 @@ void World::buildMicromap(uint32_t micromap)
     gpu_.submit([&](VkCommandBuffer commands) { recordMicromapBuilds(gpu_, commands, std::span(&build, 1)); });
 }
 
-VkDeviceSize World::askedOf(uint32_t micromap, VkQueryType type)
+VkDeviceSize World::queriedSize(uint32_t micromap, VkQueryType type)
 {
     const QueryPool pool(gpu_, micromapQueryType(gpu_, type));
     gpu_.submit([&](VkCommandBuffer commands) {
@@ -291,7 +291,7 @@ VkDeviceSize World::askedOf(uint32_t micromap, VkQueryType type)
     return pool.value();
 }
 
-VkDeviceSize World::askedOf(VkAccelerationStructureKHR blas, VkQueryType type)
+VkDeviceSize World::queriedSize(VkAccelerationStructureKHR blas, VkQueryType type)
 {
     const QueryPool pool(gpu_, type);
     gpu_.submit([&](VkCommandBuffer commands) {
@@ -305,8 +305,8 @@ void World::copyMicromap(uint32_t micromap, VkCopyMicromapModeEXT mode)
 {
     const Map &map = micromaps_[micromap];
     const VkDeviceSize bytes = mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT
-                                   ? askedOf(micromap, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT)
-                                   : map.room.size();
+                                   ? queriedSize(micromap, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT)
+                                   : map.memory.size();
     Map old = replaceMicromap(micromap, bytes);
     gpu_.submit([&](VkCommandBuffer commands) { recordMicromapCopy(gpu_, commands, old.handle, map.handle, mode); });
     destroy(std::move(old));
@@ -315,7 +315,8 @@ void World::copyMicromap(uint32_t micromap, VkCopyMicromapModeEXT mode)
 void World::reloadMicromap(uint32_t micromap)
 {
     const Map &map = micromaps_[micromap];
-    const Guarded memory(gpu_, askedOf(micromap, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT), 256, kSerializedUsage);
+    const Guarded memory(gpu_, queriedSize(micromap, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT), 256,
+                         kSerializedUsage);
     gpu_.submit(
         [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu_, commands, map.handle, memory.address()); });
     uint64_t size = 0;
@@ -328,9 +329,9 @@ void World::reloadMicromap(uint32_t micromap)
 World::Bottom World::replaceBlas(uint32_t blas, VkDeviceSize bytes)
 {
     Bottom bottom;
-    bottom.room = Guarded(gpu_, bytes, 256, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | kAddress);
+    bottom.memory = Guarded(gpu_, bytes, 256, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | kAddress);
     auto info = vkInit<VkAccelerationStructureCreateInfoKHR>(
-        {.buffer = bottom.room.buffer(), .offset = bottom.room.offset(), .size = bottom.room.handleSize()});
+        {.buffer = bottom.memory.buffer(), .offset = bottom.memory.offset(), .size = bottom.memory.handleSize()});
     info.type = info.size != bytes ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR
                                    : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
     VT_CHECK(gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &info, nullptr, &bottom.handle));
@@ -342,7 +343,7 @@ World::Bottom World::replaceBlas(uint32_t blas, VkDeviceSize bytes)
 void World::build(uint32_t blas, VkBuildAccelerationStructureModeKHR mode)
 {
     const bool update = mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
-    if (blases_[blas].room.size() < blasBytes_ && !update)
+    if (blases_[blas].memory.size() < blasBytes_ && !update)
         destroy(replaceBlas(blas, blasBytes_));
     Description description(*this, blas, mode);
     description.info.dstAccelerationStructure = blases_[blas].handle;
@@ -358,8 +359,8 @@ void World::copy(uint32_t blas, VkCopyAccelerationStructureModeKHR mode)
 {
     const VkDeviceSize bytes =
         mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR
-            ? askedOf(blases_[blas].handle, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR)
-            : blases_[blas].room.size();
+            ? queriedSize(blases_[blas].handle, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR)
+            : blases_[blas].memory.size();
     Bottom old = replaceBlas(blas, bytes);
     gpu_.submit([&](VkCommandBuffer commands) {
         auto info =
@@ -372,7 +373,7 @@ void World::copy(uint32_t blas, VkCopyAccelerationStructureModeKHR mode)
 void World::reload(uint32_t blas)
 {
     const Guarded memory(gpu_,
-                         askedOf(blases_[blas].handle, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR),
+                         queriedSize(blases_[blas].handle, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR),
                          256, kSerializedUsage);
     gpu_.submit([&](VkCommandBuffer commands) {
         auto info = vkInit<VkCopyAccelerationStructureToMemoryInfoKHR>({.src = blases_[blas].handle});

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Many micromaps in many bottom-level structures, whose every state is known without being kept: it is a function of
-// the micromap's number and version. Objects are packed into the arena of the device, which must have one, and change
-// places when they are copied: into room that has become free, as large as they are told to need.
+// Many micromaps in many bottom-level structures. The expected state of each micro-triangle is not stored: it is a
+// function of the micromap's number and version. Objects are packed into the arena of the device, which must have one.
+// Copies move them into freed memory, with exactly the size that is reported for them.
 #pragma once
 
 #include <cstdint>
@@ -33,7 +33,7 @@ public:
     World &operator=(const World &) = delete;
     ~World();
 
-    // What can happen to a structure; each leaves it with what it has to show.
+    // Changes to a structure, after which it has the expected states.
     enum class Change {
         DataUpdate,
         MicromapClone,
@@ -60,13 +60,13 @@ public:
 private:
     struct Map {
         vt::MicromapHandle handle;
-        vt::Guarded room;
+        vt::Guarded memory;
         uint32_t version = 0;
     };
     struct Bottom {
         VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
         VkDeviceAddress address = 0;
-        vt::Guarded room;
+        vt::Guarded memory;
     };
     struct Description;
 
@@ -75,9 +75,9 @@ private:
     void buildMicromap(uint32_t micromap);
     void copyMicromap(uint32_t micromap, VkCopyMicromapModeEXT mode);
     void reloadMicromap(uint32_t micromap);
-    VkDeviceSize askedOf(uint32_t micromap, VkQueryType type);
-    VkDeviceSize askedOf(VkAccelerationStructureKHR blas, VkQueryType type);
-    // Puts a new one of that size into a new place, and gives back the old one.
+    VkDeviceSize queriedSize(uint32_t micromap, VkQueryType type);
+    VkDeviceSize queriedSize(VkAccelerationStructureKHR blas, VkQueryType type);
+    // Creates one of that size in new memory, and returns the old one.
     Map replaceMicromap(uint32_t micromap, VkDeviceSize bytes);
     Bottom replaceBlas(uint32_t blas, VkDeviceSize bytes);
     void destroy(Map micromap);

@@ -20,7 +20,7 @@ RULES = "docs/validation.md"
 HEADER = "include/vellum/vulkan_opacity_micromap.h"
 EXTENSIONS = ("VK_EXT_opacity_micromap", "VK_KHR_opacity_micromap", "VK_ARM_pipeline_opacity_micromap",
               "VK_KHR_device_address_commands")
-# What a structure or a type of flags stands for, and values that another extension or none gives a meaning.
+# Values that a structure or a type of flags implies, and values whose meaning does not belong to these extensions.
 IMPLIED = re.compile(r"VK_STRUCTURE_TYPE_|_MAX_ENUM|VK_OBJECT_TYPE_MICROMAP_EXT$")
 TEST = re.compile(r"^(?:TEST|TEST_F|TEST_P|TYPED_TEST)\(\s*(\w+),\s*(\w+)", re.M)
 NAMED = re.compile(r"(?<![\w/.*-])((?:[A-Z][\w*]*)?)\.([A-Z*][\w*]*)")

@@ -5,7 +5,7 @@
 Extensions matter that, by the registry (vk.xml), have to do with ray tracing, shaders, pipelines or their caches:
 - their name says so;
 - they depend on an extension for ray tracing;
-- a structure of theirs extends or has one of MATTERS, or a command of theirs takes one;
+- one of their structures extends or contains one of MATTERS, or one of their commands takes one;
 - they bring SPIR-V extensions or capabilities, or flags for pipelines, shaders or acceleration structures.
 
 The page has each in backticks, in the first column of a table whose second column says what the layer does, or in the list
@@ -84,7 +84,7 @@ class Registry:
 
 
 def described(page):
-    """Extension: what the page says of it, each time."""
+    """Extension: each statement of the page about it."""
     rows, passed = {}, False
     for line in page.splitlines():
         if line.startswith("## "):

@@ -100,7 +100,7 @@ def included(root, path, name):
         target = (folder / name).resolve()
         if target.is_file():
             return target.relative_to(src) if target.is_relative_to(src) else None
-    # Headers that the build writes: "layer/<subsystem>/<name>.h". Those of shaders are nobody's.
+    # Headers that the build writes: "layer/<subsystem>/<name>.h". Those of shaders belong to no subsystem.
     target = pathlib.PurePath(name)
     return target if target.parts[0] in PARTS and target.parts[0] != "shaders" else None
 

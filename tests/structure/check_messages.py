@@ -18,7 +18,7 @@ import findings
 
 PAGE = "docs/messages.md"
 COMMENT = re.compile(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*')
-# What the formatter has broken in two.
+# A string that the formatter has split.
 SEAM = re.compile(r'"\s*\n\s*"')
 STRING = re.compile(r'"((?:[^"\\\n]|\\.)*)"')
 ID = re.compile(r"\bVELLUM-[A-Za-z0-9_-]*")
@@ -90,7 +90,7 @@ def messages(root):
 
 
 def severity(severities):
-    """None where some call does not tell."""
+    """None if the level of some call is not known."""
     if None in severities:
         return None
     return BOTH if len(severities) > 1 else next(iter(severities))

@@ -9,7 +9,7 @@ import re
 import findings
 
 HEADER = "include/vellum/vellum.h"
-# Where else the version stands, and the soname's part of it.
+# The other files that contain the version, and the soname's part of it.
 VERSIONS = (("debian/changelog", r"\Avellum \(([\d.]+)-"),
             ("packaging/arch/PKGBUILD", r"(?m)^pkgver=(.*)$"),
             ("packaging/flatpak/org.freedesktop.Platform.VulkanLayer.Vellum.metainfo.xml", r'<release version="([^"]*)"'),

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Checks that the layer handles what the registry (vk.xml) says of queues, stages and accesses, and prints what it lacks:
+"""Checks that the layer handles what the registry (vk.xml) states about queues, stages and accesses, and prints what it lacks:
 
 - Every command whose queue is externally synchronized holds the lock of probes, which submit to a queue of the application
   (src/layer/command_buffer/driver_probe.h).

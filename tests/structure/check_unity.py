@@ -19,7 +19,7 @@ OTHER = re.compile(r"^(?!template|requires|using|namespace|return)[A-Za-z_:][\w:
 def definitions(text):
     """Name, and what makes another definition legal: other parameters of a function, the same meaning of an alias; None: it must
     not be there. Aliases count outside of anonymous namespaces, too."""
-    outer = ""  # the namespaces that are open, but for those that end at once
+    outer = ""  # the open namespaces, except those that end on the same line
     for part in re.split(r"^(?=namespace\b)|^(?<=\} // namespace\n)", text, flags=re.M):
         named = re.match(r"namespace ([\w:]+)\n", part)
         if named:

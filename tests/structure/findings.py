@@ -9,7 +9,7 @@ REGISTRY = "/usr/share/vulkan/registry/vk.xml"
 def run(check, things, write=None):
     """Runs check(root), whose argument is the first of the command line, and exits. With --write, calls write(root) first."""
     root = root_from(words())
-    write_if_asked(write, root)
+    write_if_requested(write, root)
     finish(things, *check(root))
 
 
@@ -17,7 +17,7 @@ def run_with_registry(check, things, write=None, registry=REGISTRY):
     """Runs check(registry, root) and exits, like run(); the test is skipped where there is no registry."""
     registry = pathlib.Path((words() or [registry])[0])
     root = root_from(words()[1:])
-    write_if_asked(write, root)
+    write_if_requested(write, root)
     if not registry.exists():
         print(f"skipped: there is no {registry}")
         sys.exit(77)
@@ -32,7 +32,7 @@ def root_from(paths):
     return pathlib.Path(paths[0]) if paths else pathlib.Path(__file__).parents[2]
 
 
-def write_if_asked(write, root):
+def write_if_requested(write, root):
     if write and "--write" in sys.argv:
         write(root)
 

@@ -149,7 +149,7 @@ TEST(AddressMap, RangesThatWouldWrapAreInNoBuffer)
 TEST(AddressMap, HiddenBuffersKeepTheirOwner)
 {
     AddressMap map;
-    // Nothing looks at what it owns.
+    // The map never dereferences the owned handle.
     const AddressMap::Owner owner(reinterpret_cast<vellum::layer::DriverBuffer *>(1), [](auto *) {});
     map.add(0x1000, handle(1), 0x100, 0, owner);
     map.hide(handle(1));

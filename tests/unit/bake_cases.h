@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Random textures and triangles for the tests of the bakers, and how their states are judged.
+// Random textures and triangles for the tests of the bakers, and checks of the resulting states.
 #pragma once
 
 #include <algorithm>
@@ -41,7 +41,7 @@ std::vector<OraclePoint<N>> cornersOf(const AlphaTexture &texture, const Triangl
 
 struct Tally {
     size_t all = 0;
-    size_t mixed = 0;    // as they should be
+    size_t mixed = 0;    // correct
     size_t wrong = 0;    // claims that the oracle contradicts
     size_t needless = 0; // unknown states that it does not find mixed
 };
@@ -155,7 +155,8 @@ inline std::vector<OraclePoint<long double>> widened(const std::vector<OraclePoi
     return hull;
 }
 
-// How far samples may be from a triangle's micro-triangles, in texels along x and y, as docs/baking.md has it.
+// The largest distance of samples from a triangle's micro-triangles, in texels along x and y, by the formula of
+// docs/baking.md.
 inline std::array<long double, 2> marginsOf(const BakeOptions &options, const AlphaTexture &texture,
                                             const TriangleUvs &uvs)
 {
@@ -234,7 +235,7 @@ inline RandomCase caseAnywhere(TestRandom &random, unsigned round)
     return c;
 }
 
-// The same with the tolerances and the cutoff that are the default.
+// A random case with the default tolerances and cutoff.
 inline RandomCase caseWithTolerances(TestRandom &random, unsigned round)
 {
     constexpr std::array<uint32_t, 2> kSizes[] = {{3, 5}, {16, 16}, {64, 48}, {255, 129}};

@@ -69,8 +69,8 @@ TEST(BakeExact, EqualsExactArithmeticOnGrids)
     RecordProperty("mixed", std::to_string(sum.mixed));
 }
 
-// So near to a side of texels that the machine's integers do not hold them.
-TEST(BakeExact, EqualsExactArithmeticBesideASide)
+// So near to a side of texels that the machine's integers cannot represent the distance.
+TEST(BakeExact, EqualsExactArithmeticNextToASide)
 {
     test::TestRandom random(4);
     Tally sum;
@@ -110,7 +110,7 @@ TEST(BakeExact, TakesNoMinutesAlongASide)
     }
 }
 
-// Any textures and coordinates, in long double: what is within its rounding of the cutoff may be either.
+// Any textures and coordinates, in long double: values within its rounding of the cutoff may have either state.
 TEST(BakeExact, EqualsTheMathematicsAnywhere)
 {
     test::TestRandom random(2);
@@ -127,8 +127,8 @@ TEST(BakeExact, EqualsTheMathematicsAnywhere)
     RecordProperty("mixed", std::to_string(sum.mixed));
 }
 
-// With tolerances, the same over the micro-triangle with its margins: their Minkowski sum.
-TEST(BakeExact, TolerancesCostNoMoreThanTheyAskFor)
+// With tolerances, the states hold over the micro-triangle and its margins: their Minkowski sum.
+TEST(BakeExact, TolerancesCostNoMoreThanTheirMargins)
 {
     test::TestRandom random(3);
     Tally sum;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the baker takes: pixel formats, vertices, alpha tests, mip chains.
+// Inputs of the baker: pixel formats, vertices, alpha tests, mip chains.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -117,7 +117,7 @@ TEST(BakeInputs, CoordinatesOfAnyFormat)
     EXPECT_EQ(readUvs(turned), (std::vector<TriangleUvs>{{{{3, 3}, {1.5f, 2.5f}, {1, 3}}}}));
 }
 
-// At the cutoff itself, each test has the outcome that it says.
+// At the cutoff itself, each alpha test has the outcome of its comparison.
 TEST(BakeInputs, AlphaTests)
 {
     for (const AlphaTest test :
@@ -146,7 +146,7 @@ TEST(BakeInputs, AlphaTests)
             EXPECT_EQ(static_cast<int>(stateOf(at, k, i)), static_cast<int>(stateOf(below, k, i)) ^ 1);
 }
 
-// What is claimed for a mip chain is claimed for each of its levels, and nothing else is left out.
+// A state of a mip chain is claimed exactly if it holds on each level.
 TEST(BakeInputs, MipChains)
 {
     const std::vector<AlphaTexture> mips = {noise(1, 9, 6), noise(2, 4, 3), noise(3, 2, 1), noise(4, 1, 1)};

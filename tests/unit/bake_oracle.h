@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the baker's states must be, by another way: the filter's definition, evaluated wherever an extreme can be.
+// The expected states of the baker, by an independent method: the filter's definition, evaluated at every possible
+// extreme.
 //
 // Over a convex polygon a filtered value has its extremes on the polygon's sides or at texel centres inside. A side is
 // cut where it passes from one set of texels to the next; between the cuts the value is a quadratic, known from three
-// samples. With N = Rational all of that is exact; with long double it is good to some 1e-12.
+// samples. With N = Rational all of that is exact; with long double its error is about 1e-12.
 #pragma once
 
 #include <algorithm>
@@ -183,7 +184,7 @@ private:
         cut(from.y, to.y);
         std::sort(cuts.begin(), cuts.end());
         const auto at = [&](const N &s) { return sample(from.x + s * (to.x - from.x), from.y + s * (to.y - from.y)); };
-        // Where N rounds, a cut of nearest filtering reads a texel beside the side.
+        // If N rounds, a cut of nearest filtering reads a texel next to the side.
         constexpr bool kExact = std::is_same_v<N, Rational>;
         const bool cutsCount = kExact || texture_.filter == Filter::Bilinear;
         add(at(N(0)));

@@ -116,7 +116,7 @@ private:
             tally.open += slow == Crossing::Open ? 1u : 0u;
             tally.quickOpen += quick == Crossing::Open ? 1u : 0u;
             for (const Crossing crossing : {slow, quick}) {
-                // What they find to cross may do so just beside the cell.
+                // A crossing that they report may be just outside the cell.
                 const bool wrong = (crossing == Crossing::No && crosses[n]) || (crossing == Crossing::Yes && !anywhere);
                 tally.wrong += wrong ? 1u : 0u;
             }

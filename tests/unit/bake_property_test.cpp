@@ -199,7 +199,7 @@ TEST(BakeProperty, FarTrianglesAreSkipped)
     o.level = 5;
     o.threads = 1;
     o.exactly();
-    // Beside the stripe, all the way.
+    // All of the triangle is next to the stripe.
     const std::vector<TriangleUvs> beside = {{{{0.5f, -900000}, {0.75f, 900000}, {0.6f, 0}}}};
     EXPECT_EQ(bake(t, beside, o).micromap.indices, std::vector<int32_t>{-1});
     for (const Wrap wrap : {Wrap::Clamp, Wrap::Border, Wrap::MirrorOnce}) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the baker makes of states: levels, formats, budgets, sharing, special indices.
+// Results of the baker for given states: levels, formats, budgets, sharing, special indices.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -50,7 +50,7 @@ uint64_t bytesOf(const BakeResult &r)
 
 double knownShare(const BakeResult &r)
 {
-    // By area: all triangles count alike, whatever their level.
+    // By area: all triangles have equal weight, whatever their level.
     double known = 0;
     for (const int32_t index : r.micromap.indices) {
         if (const auto special = specialState(index)) {
@@ -156,7 +156,7 @@ TEST(BakeResult, KeepsBudgets)
             }
         }
     }
-    // Half the bytes cost little: the levels that tell the least go first.
+    // Half the bytes lose little: the levels with the least information are removed first.
     BakeOptions o = atLevel(6);
     o.budget = bytes / 2;
     const BakeResult half = bake(t, triangles, o);
@@ -267,7 +267,7 @@ TEST(BakeResult, CanBeCancelled)
     EXPECT_LT(done, 500u);
 }
 
-TEST(BakeResult, IsTheSameForAnyNumberOfThreads)
+TEST(BakeResult, SameForAnyNumberOfThreads)
 {
     const std::vector<TriangleUvs> triangles = scattered(700);
     const AlphaTexture t = disc(20);

@@ -94,7 +94,7 @@ TEST(Bake, TwoStateKeepsTheBetterGuess)
 TEST(Bake, SharesEqualTriangles)
 {
     std::vector<TriangleUvs> triangles(100, kLowerCard);
-    // The same part of a repeated texture.
+    // The same part of a repeated texture as the first triangle.
     triangles.push_back({{{3, 5}, {4, 5}, {4, 6}}});
     AlphaTexture t = halfTexture(64, 0.5);
     t.wrapU = t.wrapV = Wrap::Repeat;

@@ -29,7 +29,7 @@ int sideOf(const AlphaTexture &texture, const Thresholds &thresholds, int64_t x,
 
 } // namespace
 
-TEST(BakeCellMap, IsWhatTheTexelsSay)
+TEST(BakeCellMap, MatchesTheTexels)
 {
     test::TestRandom random(5);
     const float infinity = std::numeric_limits<float>::infinity();
@@ -51,7 +51,7 @@ TEST(BakeCellMap, IsWhatTheTexelsSay)
             const bool anyStrange = random() % 2 == 0;
             double largest = std::isfinite(texture.border) ? double{texture.border} : 0;
             for (size_t i = 0; i < size_t{width} * texture.height; ++i) {
-                // In patches, so that some cells are of one kind.
+                // In patches, so that some cells are uniform.
                 const bool high = (i / 7 + random() % 16 / 15) % 2 == 0;
                 const double value = high ? random.uniform(0.5, 1.0) : random.uniform(-2.0, 0.4);
                 texture.alpha.push_back(anyStrange && random() % 50 == 0 ? strange[random() % 6]

@@ -34,7 +34,7 @@ constexpr uint64_t kHandles = 8192;
 
 Handle handle(uint64_t i)
 {
-    return {0x55000000 + i * 0x150}; // as of objects on the heap
+    return {0x55000000 + i * 0x150}; // like addresses of objects on the heap
 }
 
 // The mean number of comparisons for one look-up.

@@ -25,7 +25,7 @@ protected:
     {
         return {.source = source, .size = size, .stride = 64, .standIn = 0x100, .reach = 15};
     }
-    // Whether a trace with the table would find its copy.
+    // True if a trace with the table would find its copy.
     bool isCurrent(const HitTableCopies::Table &of, VkDeviceSize bytes = 2 * kMiB)
     {
         const HitTableCopies::Copy copy = copies_.get(of, bytes);
@@ -40,7 +40,7 @@ protected:
     HitTableCopies copies_{pool_};
 };
 
-TEST_F(HitTableCopiesOfACommandBuffer, AreMadeOnce)
+TEST_F(HitTableCopiesOfACommandBuffer, MadeOnce)
 {
     EXPECT_FALSE(isCurrent(table(0x1000)));
     EXPECT_TRUE(isCurrent(table(0x1000)));
@@ -49,7 +49,7 @@ TEST_F(HitTableCopiesOfACommandBuffer, AreMadeOnce)
     EXPECT_TRUE(isCurrent(table(0x1000), 3 * kMiB));
 }
 
-TEST_F(HitTableCopiesOfACommandBuffer, AreOfOneTable)
+TEST_F(HitTableCopiesOfACommandBuffer, OfOneTable)
 {
     const HitTableCopies::Table first = table(0x1000);
     EXPECT_FALSE(isCurrent(first));
@@ -66,7 +66,7 @@ TEST_F(HitTableCopiesOfACommandBuffer, AreOfOneTable)
     EXPECT_TRUE(isCurrent(first));
 }
 
-TEST_F(HitTableCopiesOfACommandBuffer, AreForgotten)
+TEST_F(HitTableCopiesOfACommandBuffer, Forgotten)
 {
     EXPECT_FALSE(isCurrent(table(0x1000)));
     copies_.forget();
@@ -100,12 +100,12 @@ TEST_F(HitTableCopiesOfACommandBuffer, HaveALimit)
     }
     EXPECT_TRUE(isCurrent(table(999 * 0x1000, 10 * kMiB), 10 * kMiB));
     EXPECT_LE(MemoryDevice::allocatedBytes(), 256 * kMiB);
-    // A table beyond the limit has a copy all the same.
+    // A table beyond the limit has a copy nevertheless.
     EXPECT_FALSE(isCurrent(table(0x1000, 100 * kMiB), 100 * kMiB));
     EXPECT_TRUE(isCurrent(table(0x1000, 100 * kMiB), 100 * kMiB));
 }
 
-// A frame after the other, with a table of 256 MiB, and other memory that nobody uses.
+// A frame after the other, with a table of 256 MiB, and other memory that is unused.
 TEST_F(HitTableCopiesOfACommandBuffer, LargeMemoryStays)
 {
     for (const VkDeviceSize size : {VkDeviceSize{1}, VkDeviceSize{80}, VkDeviceSize{100}}) {

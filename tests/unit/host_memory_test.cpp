@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is flushed and invalidated of memory that is not coherent, and mappings that end.
+// Flushes and invalidations of memory that is not coherent, and mappings that end.
 #include <array>
 
 #include <gtest/gtest.h>
@@ -28,7 +28,7 @@ TEST(HostMemory, AtomsOfABuffer)
     expectAtoms(4096, 300, 20, 64, 256, 64);
     expectAtoms(4096, 300, 21, 64, 256, 128);
     expectAtoms(4096, 0, 4096, 256, 0, 4096);
-    expectAtoms(4000, 3900, 100, 64, 3840, 160); // ends with the memory, which is no multiple of an atom
+    expectAtoms(4000, 3900, 100, 64, 3840, 160); // ends with the memory, whose size is not a multiple of an atom
     expectAtoms(4096, 17, 5, 1, 17, 5);
 }
 

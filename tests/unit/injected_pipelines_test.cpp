@@ -65,7 +65,7 @@ protected:
 };
 
 // Each compiler waits for the other: with a lock around them this would never end.
-TEST_F(InjectedPipelineTest, AreCompiledSideBySide)
+TEST_F(InjectedPipelineTest, DifferentOnesCompileConcurrently)
 {
     {
         InjectedPipelines pipelines;
@@ -83,7 +83,7 @@ TEST_F(InjectedPipelineTest, AreCompiledSideBySide)
     EXPECT_EQ(alive_, 0);
 }
 
-TEST_F(InjectedPipelineTest, OfTwoThatAreTheSameOneIsKept)
+TEST_F(InjectedPipelineTest, OneOfTwoEqualOnesIsKept)
 {
     {
         InjectedPipelines pipelines;
@@ -99,7 +99,7 @@ TEST_F(InjectedPipelineTest, OfTwoThatAreTheSameOneIsKept)
     EXPECT_EQ(alive_, 0);
 }
 
-TEST_F(InjectedPipelineTest, ThatFailedAreTriedAgain)
+TEST_F(InjectedPipelineTest, FailedOnesAreTriedAgain)
 {
     InjectedPipelines pipelines;
     ASSERT_EQ(pipelines.create(context_, kPushBytes), VK_SUCCESS);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a lossy micromap may be, and what is made of one.
+// The states that a lossy micromap may have, and those that a build gives it.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -89,7 +89,7 @@ TEST(Lossy, UniformTrianglesNeedNoData)
                       std::min(level, 2u));
 }
 
-// One that differs, per micro-triangle of the level below: that level would make 3 of 4 unknown.
+// One differing micro-triangle in each of the level below, which would make 3 of 4 unknown.
 TEST(Lossy, FineDetailStays)
 {
     std::vector<State> states(microTriangleCount(5), T);
@@ -107,7 +107,7 @@ TEST(Lossy, AMicroTriangleHasItsPrice)
     EXPECT_EQ(lossyLevel(packed(states).data(), 4), 2u);
     states[16] = O;
     EXPECT_EQ(lossyLevel(packed(states).data(), 4), 4u);
-    // What was unknown costs nothing.
+    // States that are already unknown cost nothing.
     states[16] = UT;
     EXPECT_EQ(lossyLevel(packed(states).data(), 4), 4u);
     for (size_t i = 16; i < 32; ++i)

@@ -68,7 +68,7 @@ private:
     static VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice, const VkMemoryAllocateInfo *info,
                                                          const VkAllocationCallbacks *, VkDeviceMemory *memory)
     {
-        // Its size is in the page before it.
+        // The size is in the page before it.
         void *bytes = ::operator new (kPage + info->allocationSize, std::align_val_t{kPage});
         *static_cast<VkDeviceSize *>(bytes) = info->allocationSize;
         *memory = reinterpret_cast<VkDeviceMemory>(static_cast<std::byte *>(bytes) + kPage);

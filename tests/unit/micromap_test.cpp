@@ -65,7 +65,7 @@ TEST(SpecialIndices, AreThoseOfTheSpecification)
 namespace
 {
 
-// Two triangles, one of each format, and four geometry triangles.
+// A micromap of two triangles, one of each format, and four geometry triangles.
 Micromap example()
 {
     Micromap m;
@@ -96,21 +96,22 @@ TEST(MicromapModel, BaseTriangleMovesIndices)
     EXPECT_EQ(m.stateAt(1, 0.1f, 0.1f), State::UnknownOpaque);
 }
 
-TEST(MicromapModel, ValidationNamesTheFirstOffence)
+TEST(MicromapModel, ValidationNamesTheFirstViolation)
 {
-    const auto offence = [](auto change) {
+    const auto violation = [](auto change) {
         Micromap m = example();
         change(m);
         return m.validate().value_or("");
     };
     EXPECT_EQ(example().validate(), std::nullopt);
-    EXPECT_NE(offence([](Micromap &m) { m.triangles[1].subdivisionLevel = 13; }).find("triangle 1"), std::string::npos);
-    EXPECT_NE(offence([](Micromap &m) { m.triangles[0].format = static_cast<Format>(3); }).find("format 3"),
+    EXPECT_NE(violation([](Micromap &m) { m.triangles[1].subdivisionLevel = 13; }).find("triangle 1"),
               std::string::npos);
-    EXPECT_NE(offence([](Micromap &m) { m.triangles[1].dataOffset = 5; }).find("byte 6 of 5"), std::string::npos);
-    EXPECT_NE(offence([](Micromap &m) { m.triangles[0].dataOffset = 0xffffffff; }).find("triangle 0"),
+    EXPECT_NE(violation([](Micromap &m) { m.triangles[0].format = static_cast<Format>(3); }).find("format 3"),
               std::string::npos);
-    EXPECT_NE(offence([](Micromap &m) { m.indices[3] = 2; }).find("geometry triangle 3"), std::string::npos);
-    EXPECT_NE(offence([](Micromap &m) { m.indices[2] = -5; }).find("geometry triangle 2"), std::string::npos);
-    EXPECT_NE(offence([](Micromap &m) { m.baseTriangle = 0xffffffff; }).find("base triangle"), std::string::npos);
+    EXPECT_NE(violation([](Micromap &m) { m.triangles[1].dataOffset = 5; }).find("byte 6 of 5"), std::string::npos);
+    EXPECT_NE(violation([](Micromap &m) { m.triangles[0].dataOffset = 0xffffffff; }).find("triangle 0"),
+              std::string::npos);
+    EXPECT_NE(violation([](Micromap &m) { m.indices[3] = 2; }).find("geometry triangle 3"), std::string::npos);
+    EXPECT_NE(violation([](Micromap &m) { m.indices[2] = -5; }).find("geometry triangle 2"), std::string::npos);
+    EXPECT_NE(violation([](Micromap &m) { m.baseTriangle = 0xffffffff; }).find("base triangle"), std::string::npos);
 }

@@ -12,7 +12,7 @@ using namespace vellum::shared;
 namespace
 {
 
-// What the micromap says of a hit, before the flags: I ignored, O opaque, N non-opaque.
+// The effect of a state before the flags: I ignored, O opaque, N non-opaque.
 struct StateRow {
     uint state;
     bool geometryOpaque;

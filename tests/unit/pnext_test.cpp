@@ -79,7 +79,7 @@ TEST_F(ThreeStructures, PrependsAndRemovesBehindWhatWasPrepended)
     EXPECT_EQ(own.pNext, &address);
 }
 
-// Of Vulkan 1.4.344, and so newer than the oldest headers and registry that the project builds with.
+// A structure of Vulkan 1.4.344, newer than the oldest headers and registry that the project supports.
 TEST_F(ThreeStructures, EditsBehindAStructureThatTheHeadersLack)
 {
     const struct {

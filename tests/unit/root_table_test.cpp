@@ -15,7 +15,7 @@ namespace
 
 using namespace vellum::layer;
 
-// One thread creates shader modules, which hold the address, while another records builds of top-level structures.
+// One thread creates shader modules, which contain the address, while another records builds of top-level structures.
 TEST(RootTables, TheAddressOfTheFirstSlotsStaysWhilePagesAreAdded)
 {
     const vellum::test::MemoryDevice device;

@@ -77,7 +77,7 @@ TEST_F(ScratchMemories, CommandsHaveTheirOwnMemoryUnlessTheyShareIt)
     }
 }
 
-// One command buffer after the other is recorded again, as by a program that has some in flight.
+// Command buffers are recorded again in turn, as in a program with several in flight.
 TEST_F(ScratchMemories, RecordingAgainAllocatesNothing)
 {
     record(16 * kMiB);

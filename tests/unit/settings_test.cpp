@@ -45,14 +45,14 @@ protected:
         std::filesystem::create_directories(file.parent_path());
         std::ofstream(file) << "# a comment\n" << line << "\n";
     }
-    // Until the test ends.
+    // Set until the test ends.
     void set(const std::string &name, const char *value)
     {
         const char *now = getenv(name.c_str());
         before_.try_emplace(name, now ? std::optional<std::string>(now) : std::nullopt);
         value ? setenv(name.c_str(), value, 1) : unsetenv(name.c_str());
     }
-    // What reading the settings prints.
+    // The output of reading the settings.
     std::string printed(const void *chain = nullptr)
     {
         testing::internal::CaptureStderr();
@@ -102,7 +102,7 @@ TEST_F(SettingsTest, StrictFromEachSource)
 TEST_F(SettingsTest, VariablesWithVkBefore)
 {
     write("");
-    // As Vulkan-Utility-Libraries names it after the layer.
+    // The variable that Vulkan-Utility-Libraries derives from the layer's name.
     set("VK_VELLUM_OPACITY_MICROMAP_STRICT", "1");
     EXPECT_EQ(printed(), "");
     EXPECT_TRUE(settings_.strict);
@@ -119,7 +119,7 @@ TEST_F(SettingsTest, TheFirstFileThatThereIs)
     const std::filesystem::path users = folder_ / "vulkan/settings.d/vk_layer_settings.txt";
     set("VK_LAYER_SETTINGS_PATH", nullptr);
     EXPECT_FALSE(readSettings(nullptr).strict);
-    // As Vulkan Configurator writes it: below the user's folder for data.
+    // The file that Vulkan Configurator writes in the user's data folder.
     writeTo(users, "vellum_opacity_micromap.strict = true");
     EXPECT_TRUE(readSettings(nullptr).strict);
     set("XDG_DATA_HOME", nullptr);
@@ -163,7 +163,7 @@ TEST_F(SettingsTest, AFileThatBeginsWithAByteOrderMark)
     EXPECT_TRUE(readSettings(nullptr).strict);
 }
 
-// As Vulkan Configurator writes settings that have no value.
+// The form in which Vulkan Configurator writes settings that have no value.
 TEST_F(SettingsTest, EmptyValueInTheFile)
 {
     set("XDG_CACHE_HOME", "/somewhere");
@@ -226,7 +226,7 @@ TEST_F(SettingsTest, FaultsAreAppendedToTheReportFile)
                     "off; the setting is ignored\n");
 }
 
-TEST_F(SettingsTest, AFileThatIsNotThere)
+TEST_F(SettingsTest, MissingFile)
 {
     set("VK_LAYER_SETTINGS_PATH", (folder_ / "nowhere").string().c_str());
     EXPECT_EQ(printed(), "vellum: VELLUM-setting: VK_LAYER_SETTINGS_PATH is \"" + (folder_ / "nowhere").string() +
@@ -399,7 +399,7 @@ TEST_F(SettingsTest, FaultsReachMessengersAndTheFile)
 }
 
 // Whoever validates a program that has no messenger sees what is found.
-TEST_F(SettingsTest, ValidationPrintsWhereNobodyListens)
+TEST_F(SettingsTest, ValidationPrintsWithoutAMessenger)
 {
     const auto prints = [this](const std::map<std::string, const char *> &variables, bool messenger = false) {
         for (const char *name : {"VELLUM_REPORT", "VELLUM_REPORT_FILE", "VELLUM_VALIDATE"})

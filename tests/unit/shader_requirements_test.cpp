@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the layer's shaders declare that they need: no more than emulated micromaps need of a device.
+// The requirements that the layer's shaders declare: no more than emulated micromaps need of a device.
 #include <gtest/gtest.h>
 
 #include <cstdint>

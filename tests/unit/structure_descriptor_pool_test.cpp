@@ -20,7 +20,7 @@ using Writer = StructureDescriptorPool::Writer;
 class StructureDescriptorPools : public ::testing::Test
 {
 protected:
-    // As the device or the host: all words of a descriptor, whose kind is not 0.
+    // Writes all words of a descriptor, as the device or the host does. The kind is not 0.
     static void write(StructureDescriptorPool &pool, uint32_t descriptor)
     {
         uint32_t *words = pool.words(descriptor);
@@ -37,7 +37,7 @@ protected:
     {
         return static_cast<uint32_t>(pool.location(descriptor).address % kDescriptorGenerations);
     }
-    // As shaders do (loadDescriptor).
+    // Reads a descriptor as shaders do (loadDescriptor).
     static bool states(const StructureDescriptorPool &pool, uint32_t descriptor)
     {
         const uint32_t kind = pool.words(descriptor)[2];
@@ -49,7 +49,7 @@ protected:
     const GpuContext &context_ = device_.context();
 };
 
-TEST_F(StructureDescriptorPools, ThoseInUseStayAndNewOnesStateNothing)
+TEST_F(StructureDescriptorPools, UsedOnesStayAndNewOnesStateNothing)
 {
     for (const Writer writer : {Writer::Device, Writer::Host}) {
         StructureDescriptorPool pool(writer);

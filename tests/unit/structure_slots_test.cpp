@@ -24,7 +24,7 @@ protected:
         structure_.location = state_.locations.acquire({1, 0});
         structure_.location->descriptor.words = words_.data();
     }
-    // As the device does when it executes a build with these slots.
+    // Simulates the execution of a build with these slots on the device.
     void execute(const SlotRange &slots)
     {
         words_[2] = kDescriptorTop;
@@ -40,8 +40,8 @@ protected:
     AccelerationStructure structure_;
 };
 
-// In all, the structure has had three times as many slots as there are.
-TEST_F(StructureSlots, OfAGrowingStructureComeBack)
+// Over time, the structure has used three times as many slots as there are.
+TEST_F(StructureSlots, GrowingStructuresReleaseSlots)
 {
     for (uint32_t count = 1 << 16; count < 7u << 20; count += count / 4) {
         const auto slots = record(count);

@@ -26,7 +26,7 @@ constexpr auto kShaderRead = VK_ACCESS_2_SHADER_READ_BIT;
 constexpr auto kMemory = VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT;
 constexpr Range kA{1, 0, 256}, kB{1, 256, 512}, kBoth{1, 0, 512}, kElsewhere{2, 0, 256}, kAllMemory{};
 
-// What a sequence does to a tracker.
+// The effect of a sequence on a tracker.
 struct Execution {
     Tracker tracker;
     std::vector<HazardKind> hazards;
@@ -247,7 +247,7 @@ std::vector<Sequence> queueSequences()
          {end(1, {timeline(1)}), begin(1), build(kA), end(1, {timeline(2)}),
           host([](Tracker &t) { t.semaphoreReached(11, 1); }), begin(2), build(kA, 2)},
          {kWaw}},
-        {"FailedHostSignal", // what the wait is for is unknown again
+        {"FailedHostSignal", // the target of the wait is unknown again
          {build(kA), host([](Tracker &t) {
               t.hostSignal(11, 1);
               t.undoHostSignal(11, 1);

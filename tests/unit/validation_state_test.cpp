@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Validation's state of the application's objects, above an implementation that does nothing: what it keeps after
-// failures, what it gives back, and what commands cost.
+// failures, what it releases, and what commands cost.
 #include <atomic>
 #include <chrono>
 #include <future>
@@ -191,7 +191,8 @@ TEST_F(ValidationState, FailedSubmissionsExecuteNothing)
     EXPECT_EQ(executed, 2);
 }
 
-// Another thread may learn that work is complete, and reset or free its command buffers, before vkQueueSubmit returns.
+// Another thread may find out that work is complete, and reset or free its command buffers, before vkQueueSubmit
+// returns.
 TEST_F(ValidationState, SubmissionsOutliveTheirCommandBuffers)
 {
     static DeviceValidation *used;
@@ -223,7 +224,8 @@ TEST_F(ValidationState, SubmissionsOutliveTheirCommandBuffers)
     EXPECT_EQ(executed, 4);
 }
 
-// Where memory ran out, an unknown handle may be that of any object; other devices still know all of theirs.
+// After an allocation failure, a device treats an unknown handle as possibly valid; other devices still know all of
+// their objects.
 TEST_F(ValidationState, WithoutMemoryOnlyThatDeviceForgets)
 {
     DeviceValidation other;
@@ -318,8 +320,8 @@ TEST_F(BlockingSubmission, LetsOthersWaitAndSignal)
     EXPECT_TRUE(wasSignaled);
 }
 
-// Nothing is known of the order of submissions that overtake each other.
-TEST_F(BlockingSubmission, IsNotOrderedWithThoseThatOvertakeIt)
+// Submissions that overtake each other have no known order.
+TEST_F(BlockingSubmission, NotOrderedWithOvertakingSubmissions)
 {
     const std::vector<VkCommandBuffer> buffers = allocate(makePool(), 3);
     std::map<VkCommandBuffer, bool> ordered;
@@ -371,7 +373,7 @@ TEST_F(ValidationState, EventsAreForgotten)
 
 // ------------------------------------------------------------------------------------------ what commands cost
 
-// Those of one pool are not looked for among all others: that would take minutes.
+// The command buffers of one pool are not searched for among all others, which would take minutes.
 TEST_F(ValidationState, ManyCommandBuffersComeAndGo)
 {
     const VkCommandPool pool = makePool(), other = makePool();
@@ -392,7 +394,7 @@ TEST_F(ValidationState, ManyCommandBuffersComeAndGo)
 }
 
 #if defined(COUNTS_LOCKS)
-// Without the checks of the GPU, commands that are recorded often take no lock.
+// Without the checks of the GPU, frequent commands take no lock.
 TEST_F(ValidationState, DrawsTakeNoLock)
 {
     const VkCommandBuffer commands = allocate(makePool(), 1).front();
@@ -413,7 +415,7 @@ TEST_F(ValidationState, DrawsTakeNoLock)
 }
 #endif
 
-// ------------------------------------------------------------------------------------------ what is given back
+// ------------------------------------------------------------------------------------------ released marks
 
 // Marks of destroyed shaders are used again; those that rays may still have set are not before that is reported.
 TEST_F(ValidationState, MarksAreGivenBack)
@@ -429,7 +431,7 @@ TEST_F(ValidationState, MarksAreGivenBack)
     const uint32_t used = all[7]->index();
     marks.use(used, {});
     all.erase(all.begin() + 7);
-    // There is none but that of the destroyed shader.
+    // The only mark is that of the destroyed shader.
     const auto again = marks.add(memory.context(), kRuleMode);
     ASSERT_TRUE(again);
     EXPECT_EQ(again->index(), used);
@@ -460,7 +462,7 @@ class References : public ValidationState
 {
 protected:
     References() { EXPECT_EQ(records.create(memory.context()), VK_SUCCESS); }
-    // As shaders/validation/instance_check.comp does.
+    // Finds the record in the same way as shaders/validation/instance_check.comp.
     [[nodiscard]] uint32_t recordOf(VkDeviceAddress reference) const
     {
         const auto *table = reinterpret_cast<const uint32_t *>(records.references());
@@ -481,7 +483,7 @@ protected:
     StructureRecords records;
 };
 
-TEST_F(References, OfDestroyedStructuresAreGivenBack)
+TEST_F(References, DestroyedStructuresReleaseTheirs)
 {
     std::mt19937_64 random(3);
     std::map<VkDeviceAddress, std::shared_ptr<StructureRecords::Owner>> alive;
@@ -505,7 +507,7 @@ TEST_F(References, OfDestroyedStructuresAreGivenBack)
 }
 
 // While two structures have an address it is unknown which of them is meant.
-TEST_F(References, OfTwoStructuresAreUnknownWhileBothExist)
+TEST_F(References, SharedByTwoStructuresAreUnknown)
 {
     auto one = records.take(), two = records.take();
     records.setReference(0x1000, *one);
@@ -525,7 +527,7 @@ TEST_F(References, OfTwoStructuresAreUnknownWhileBothExist)
     EXPECT_EQ(recordOf(0x1000), two->index());
 }
 
-TEST_F(ValidationState, StructuresByAddressForgetThoseThatAreGone)
+TEST_F(ValidationState, StructuresByAddressForgetDestroyedOnes)
 {
     StructuresByAddress structures;
     const auto kept = std::make_shared<ValidatedStructure>();
@@ -616,7 +618,7 @@ private:
     VkImage image_ = handle<VkImage>(0x77);
 };
 
-TEST_F(ImageRows, ThatOverlap)
+TEST_F(ImageRows, RowsThatOverlap)
 {
     EXPECT_TRUE(overlaps({region(0, 8, {4, 3, 1}), region(3, 8, {4, 3, 1})}));
     EXPECT_FALSE(overlaps({region(0, 8, {4, 3, 1}), region(4, 8, {4, 3, 1})}));
@@ -628,7 +630,7 @@ TEST_F(ImageRows, ThatOverlap)
 }
 
 // A step for each row would take minutes.
-TEST_F(ImageRows, ThatAreMany)
+TEST_F(ImageRows, ManyRows)
 {
     constexpr uint32_t kMany = 1u << 31;
     EXPECT_FALSE(overlaps({region(0, 2, {1, kMany, 1}), region(1, 2, {1, kMany, 1})}));
@@ -640,7 +642,7 @@ TEST_F(ImageRows, ThatAreMany)
 }
 
 // Sizes of 64 bits do not suffice for these.
-TEST_F(ImageRows, ThatExceedMemory)
+TEST_F(ImageRows, RowsThatExceedMemory)
 {
     constexpr uint32_t kAll = UINT32_MAX;
     auto huge = region(0, kAll, {kAll, kAll, kAll});

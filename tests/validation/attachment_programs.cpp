@@ -32,7 +32,7 @@ constexpr VkIndexType kNoIndices = VK_INDEX_TYPE_NONE_KHR;
 constexpr VkIndexType kUint16 = VK_INDEX_TYPE_UINT16;
 constexpr VkIndexType kUint32 = VK_INDEX_TYPE_UINT32;
 
-// Which command builds.
+// The kind of build command.
 enum class By { Host, Indirect };
 
 // A build that can be changed.
@@ -247,7 +247,8 @@ void attachByOther(Gpu &gpu, bool wrong)
 
 // --- Usage counts ---
 
-// Two triangles with usage counts that are not those of the geometry, or of its micromap. No triangles: there are none.
+// Two triangles with usage counts that differ from those of the geometry, or of its micromap. In builds of no
+// triangles, counts that are not zero.
 using TwoIndices = std::array<int32_t, 2>;
 template <VkMicromapUsageEXT usage, VkIndexType type, TwoIndices indices, By by = By::Host>
 void counts(Gpu &gpu, bool wrong)
@@ -335,7 +336,7 @@ void replaces(Gpu &gpu, bool wrong)
     update<by>(gpu, blas, withMicromap(&other), flags);
 }
 
-// Only the opacities of a micromap may change.
+// An update may change only the opacities of a micromap.
 MicromapInput triangleOf(uint16_t level, uint16_t format)
 {
     MicromapInput input;

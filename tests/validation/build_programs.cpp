@@ -54,7 +54,7 @@ void extUsage(Gpu &gpu, bool wrong)
     recordUnlessWrong(gpu, true, [&](VkCommandBuffer commands) { gpu.vk().CmdBuildMicromapsEXT(commands, 1, &info); });
 }
 
-// One build, whose scratch memory begins inside of what it builds.
+// One build, whose scratch memory begins inside the memory that it builds.
 template <bool isMicromap>
 void scratchInTarget(Gpu &gpu, bool wrong)
 {
@@ -86,7 +86,7 @@ void scratchInTarget(Gpu &gpu, bool wrong)
     }
 }
 
-// Two builds by one command: what the second one shares with the first.
+// Two builds by one command: the memory that the second one shares with the first.
 enum class Shared { Targets, Scratches, TargetAndScratch };
 template <Shared shared>
 void extOverlap(Gpu &gpu, bool wrong)
@@ -269,7 +269,33 @@ void structureBuild(Gpu &gpu, bool wrong)
     });
 }
 
-// Without the feature there is no right use.
+void updateOfMicromap(Gpu &gpu, bool wrong)
+{
+    const Micromap micromap(gpu, oneTriangle());
+    const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}}, VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR);
+    BuildInfo info = blas.buildInfo();
+    info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
+    info.srcAccelerationStructure = wrong ? micromap.handle().khr : info.dstAccelerationStructure;
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = blas.ranges();
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+    });
+}
+
+void noInstances(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}});
+    Tlas tlas(gpu);
+    tlas.prepare(std::array{instance(blas, {}, 0)});
+    BuildInfo info = tlas.buildInfo();
+    info.geometryCount = wrong ? 0 : 1;
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = tlas.ranges();
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+    });
+}
+
+// Without the feature there is no valid program.
 void sizesWithoutFeature(Gpu &gpu, bool wrong)
 {
     if (!wrong)
@@ -406,6 +432,9 @@ const WrongProgram kPrograms[] = {
      structureBuild<[](BuildInfo &info, auto &) { info.mode = static_cast<VkBuildAccelerationStructureModeKHR>(7); }>},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630", Api::Khr, kNeedsNothing,
      structureBuild<[](BuildInfo &info, auto &) { info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR; }>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-srcAccelerationStructure-04629", Api::Khr, kNeedsNothing,
+     updateOfMicromap},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03790", Api::Khr, kNeedsNothing, noInstances},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710", Api::Khr, kNeedsNothing,
      khrBuild<KHR_CHANGE(build.info.scratchData.deviceAddress += 1)>},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-03698", Api::Khr, kNeedsNothing, sameTarget},

@@ -11,7 +11,7 @@ namespace
 
 using namespace vt;
 
-// While it lives, what is allocated need not be freed.
+// While it exists, allocations need not be freed.
 #if defined(__SANITIZE_ADDRESS__)
 using MayLeak = __lsan::ScopedDisabler;
 #else
@@ -133,7 +133,7 @@ TEST_F(ValidationCallback, MicromapsThatAreNotDestroyed)
     }
 }
 
-// Each extension is enabled without one that it requires.
+// Each extension is enabled without an extension that it requires.
 TEST_F(ValidationCallback, DeviceWithoutRequiredExtensions)
 {
     constexpr const char *kStructures = VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME;

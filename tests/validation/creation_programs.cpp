@@ -82,7 +82,7 @@ void sparse(Gpu &gpu, bool wrong)
     vkDestroyBuffer(gpu.device(), buffer, nullptr);
 }
 
-// Without the feature there is no right use.
+// Without the feature there is no valid program.
 void createdWithoutFeature(Gpu &gpu, bool wrong)
 {
     const Buffer buffer(gpu, 65536, micromapStorageUsage(gpu));
@@ -160,7 +160,7 @@ void khrCreation(Gpu &gpu, bool wrong)
         gpu.vk().DestroyAccelerationStructureKHR(gpu.device(), structure, nullptr);
 }
 
-// Which of the buffer and the structure is for capture and replay of addresses.
+// Flags for capture and replay of addresses, on the buffer and on the structure.
 struct Replays {
     bool buffer, structure;
 };
@@ -226,7 +226,7 @@ public:
     VkDevice handle = VK_NULL_HANDLE;
 };
 
-// The address is in no buffer: there is no right program.
+// The address is in no buffer, so there is no valid program.
 void replayOfGroup(Gpu &gpu, bool wrong)
 {
     const GroupDevice device(gpu);

@@ -40,7 +40,7 @@ void buildOverlap(Gpu &gpu, bool wrong)
     gpu.vk().BuildMicromapsEXT(gpu.device(), VK_NULL_HANDLE, 2, infos);
 }
 
-// Two micromaps that were built on the host, and another handle to the memory of the first.
+// Two micromaps built on the host, and another handle to the memory of the first.
 struct HostMicromaps {
     explicit HostMicromaps(Gpu &gpu, VkBuildMicromapFlagsEXT flags = 0)
         : input(gpu, oneTriangle(), flags), memory(gpu), built(memory.create(0, input.size())),
@@ -184,7 +184,7 @@ void loadUnbound(Gpu &gpu, VkMicromapEXT object, const HostMicromaps &micromaps,
     gpu.vk().CopyMemoryToMicromapEXT(gpu.device(), VK_NULL_HANDLE, &info);
 }
 
-// Without the feature there is no right use.
+// Without the feature there is no valid program.
 void buildWithoutFeature(Gpu &gpu, bool wrong)
 {
     if (wrong)

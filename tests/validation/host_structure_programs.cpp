@@ -8,13 +8,13 @@ namespace vt
 namespace
 {
 
-// What the geometry of a build attaches, by the extension of the device.
+// The micromap attachment of a build's geometry, for the extension of the device.
 struct Attachments {
     VkAccelerationStructureTrianglesOpacityMicromapEXT ext =
         vkInit<VkAccelerationStructureTrianglesOpacityMicromapEXT>({.indexType = VK_INDEX_TYPE_NONE_KHR});
     VkAccelerationStructureTrianglesOpacityMicromapKHR khr =
         vkInit<VkAccelerationStructureTrianglesOpacityMicromapKHR>({.indexType = VK_INDEX_TYPE_NONE_KHR});
-    MicromapHandle micromap; // that was built
+    MicromapHandle micromap; // already built
     std::array<uint32_t, 1> indices{};
 };
 

@@ -325,7 +325,7 @@ void referencesDestroyed(Gpu &gpu, bool wrong)
     buildWith(gpu, one, By::Host);
 }
 
-// Memory with zeros, which is no structure.
+// Memory of zeros, which contains no structure.
 void referencesNothing(Gpu &gpu, bool wrong)
 {
     const Blas blas(gpu, {indexedTriangle()});
@@ -372,7 +372,7 @@ private:
     VkDeviceAddress address_ = 0;
 };
 
-// With VK_KHR_opacity_micromap the micromap is made by the address, without its buffer.
+// With VK_KHR_opacity_micromap the micromap is created by its address, without its buffer.
 enum class Loss { Buffer, Memory };
 template <Loss loss>
 void targetLosesMemory(Gpu &gpu, bool wrong)
@@ -491,7 +491,7 @@ void tracesWithDestroyedMicromap(Gpu &gpu, bool wrong)
     Tracer(gpu).trace(tlas, oneRay());
 }
 
-// Another micromap is built in the memory of one that a geometry has.
+// Another micromap is built in the memory of one that a geometry uses.
 void tracesOverwrittenMicromap(Gpu &gpu, bool wrong)
 {
     const Twins twins(gpu);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Programs with one small wrong state each, and beside each the right program that differs in that state only.
-// Validation must report the rule for the wrong one, once, and nothing for the right one. The programs also run with
-// another validation layer, to compare what it reports (bench/validation).
+// Programs with one small invalid use each, paired with a valid program that differs in that only. Validation must
+// report the rule for the invalid one, once, and nothing for the valid one. The programs also run with another
+// validation layer, to compare its reports (bench/validation).
 #pragma once
 
 #include <span>
@@ -14,7 +14,7 @@
 namespace vt
 {
 
-// What a program needs beyond micromaps. Programs run on one device for each combination.
+// Requirements of a program beyond micromaps. Programs run on one device for each combination.
 enum ProgramNeeds : unsigned {
     kNeedsNothing = 0,
     kNeedsAddressCommands = 1,   // VK_KHR_device_address_commands
@@ -27,20 +27,20 @@ enum ProgramNeeds : unsigned {
     kNeedsMaintenance5 = 128,    // VkPipelineCreateFlags2CreateInfo
     kNeedsShaderObjects = 256,   // VK_EXT_shader_object
     kNeedsTransferQueue = 512,   // queue family 3 is for transfers only: the mock driver's quirk "queues"
-    kNeedsVendorCommands = 2048, // that the spy plays, as with kNeedsMarkers
+    kNeedsVendorCommands = 2048, // commands that the spy provides, as with kNeedsMarkers
     kNeedsEmulation = 4096,      // only emulation writes what the program changes
     kNeedsPlainShaders = 1024, // shaders get no execution mode by themselves; flags in VkPipelineCreateFlags2CreateInfo
 };
 
 struct WrongProgram {
     const char *rule; // VUID of the rule that it breaks
-    Api api;          // which extension it uses
+    Api api;          // the extension that it uses
     unsigned needs;   // ProgramNeeds
     void (*run)(Gpu &gpu, bool wrong);
     const char *variant = ""; // of several programs for one rule
-    // Other rules that cannot but be broken as well, with spaces.
+    // Other rules that the program necessarily violates as well, separated by spaces.
     const char *also = "";
-    // Some implementations report that what the programs ask for is not available.
+    // Some implementations report that the requested feature or memory is not available.
     bool mayBeUnavailable = false;
     // A quirk of the mock driver with which it cannot run.
     const char *notWith = nullptr;

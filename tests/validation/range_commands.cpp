@@ -8,7 +8,7 @@ namespace
 
 constexpr VkBufferUsageFlags kAddress = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 
-// What commands need besides the range.
+// Other objects that the commands need.
 struct Others {
     std::unique_ptr<RangeBuffer> source, target, indirect;
     QueryPool queries;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What programs about address ranges have in common: buffers with creation flags, and each command that takes a range.
+// Shared by the programs about address ranges: buffers with creation flags, and each command that has a range.
 #pragma once
 
 #include "programs.h"
@@ -48,7 +48,7 @@ void recordOnly(Gpu &gpu, const std::function<void(VkCommandBuffer)> &record, bo
 
 inline constexpr VkBufferUsageFlags kOtherUsage = VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT;
 inline constexpr VkBufferCreateFlags kProtectedBuffer = VK_BUFFER_CREATE_PROTECTED_BIT;
-// Of a protected buffer: those that it may have (VUID-VkBufferCreateInfo-flags-09641). A command that needs another
+// The usage flags that a protected buffer may have (VUID-VkBufferCreateInfo-flags-09641). A command that needs another
 // reports that as well.
 constexpr VkBufferUsageFlags protectedUsage(VkBufferUsageFlags usage)
 {

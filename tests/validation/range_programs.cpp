@@ -279,7 +279,7 @@ struct ImageCopy {
     VkDeviceSize offset = 0;
     bool toMemory = true;
     uint32_t family = UINT32_MAX; // of queues; else that of the device
-    // With it, a second region: a column of two texels beside the first, in memory from this offset on.
+    // If set, there is a second region: a column of two texels next to the first, in memory from this offset on.
     std::optional<VkDeviceSize> second = {};
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the programs have in common.
+// Shared by the programs.
 #pragma once
 
 #include "programs.h"

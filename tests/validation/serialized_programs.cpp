@@ -11,7 +11,7 @@ namespace
 
 constexpr auto kBottomLevel = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
 
-// What was found on the device is reported, and not a second time with the next commands.
+// Findings of the device are reported once, and not again with the next commands.
 void finish(Gpu &gpu)
 {
     VT_CHECK(vkDeviceWaitIdle(gpu.device()));
@@ -248,7 +248,7 @@ void traceDeserialized(Gpu &gpu, bool wrong)
 }
 
 using Size = VkDeviceSize;
-// Where structures are translated, those with micromaps are not serialized.
+// If structures are translated, those with micromaps are not serialized.
 const WrongProgram kPrograms[] = {
     {"VUID-VkCopyMemoryToAccelerationStructureInfoKHR-pInfo-03414", Api::Khr, kNeedsNothing,
      structureFrom<[](Serialized &data, Size &) { data.bytes()[3] ^= 1; }>},

@@ -42,7 +42,7 @@ VkAccessFlags2 micromapWrite(const Gpu &gpu)
     return gpu.khr() ? VK_ACCESS_2_ACCELERATION_STRUCTURE_WRITE_BIT_KHR : VK_ACCESS_2_MICROMAP_WRITE_BIT_EXT;
 }
 
-// From the build of a micromap to that of a structure.
+// A barrier from the build of a micromap to that of a structure.
 VkMemoryBarrier2 exactBarrier(const Gpu &gpu)
 {
     return vkInit<VkMemoryBarrier2>({.srcStageMask = micromapStage(gpu),
@@ -364,7 +364,8 @@ void twoBatches(Gpu &gpu, bool wrong)
     vkDestroySemaphore(gpu.device(), semaphore, nullptr);
 }
 
-// What is destroyed while a build of a micromap is pending: the micromap, or the buffer or memory of its triangles.
+// The object that is destroyed while a build of a micromap is pending: the micromap, or the buffer or memory of its
+// triangles.
 enum class Destroyed { Micromap, Buffer, Memory };
 
 // The host may know that commands are complete though Vulkan did not report it to the layer: they wrote to memory that

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Wrong traces: shaders and pipelines that did not say that their rays meet micromaps, or that promised that they meet
-// none of some kind.
+// Invalid traces: shaders and pipelines that do not declare that their rays may hit micromaps, or that promise that
+// they hit none of some kind.
 #include "command_buffer/shader_objects.h"
 #include "gpu/execution_mode.h"
 #include "gpu/pipeline_tracer.h"
@@ -81,7 +81,7 @@ void meetsMicromap(Gpu &gpu, bool wrong)
     Tracer(gpu, withMode(tracer_comp, Mode::Absent)).trace(scene.tlas, Scene::rays());
 }
 
-// The same pipeline and descriptors; the right program runs no ray query.
+// The same pipeline and descriptors; the valid program runs no ray query.
 void executesQuery(Gpu &gpu, bool wrong)
 {
     const Scene scene(gpu, With::Micromap);

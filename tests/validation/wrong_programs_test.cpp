@@ -10,7 +10,7 @@
 namespace vt
 {
 
-// For --gtest_list_tests, which bench/validation reads.
+// Printed by --gtest_list_tests, which bench/validation reads.
 void PrintTo(const WrongProgram &program, std::ostream *out)
 {
     *out << program.rule << ' ' << program.variant;
@@ -53,7 +53,7 @@ std::vector<WrongProgram> allPrograms()
 Options optionsOf(const WrongProgram &program)
 {
     const auto needs = [&program](ProgramNeeds need) { return (program.needs & need) != 0; };
-    // Of two validation layers, both would report the same.
+    // With two validation layers, both would report the same.
     const bool another = validationOfTests() == Validation::Above;
     const char *quirks = needs(kNeedsTransferQueue) ? "queues" : needs(kNeedsFewFeatures) ? "few" : "";
     return {.validation = another,
@@ -99,7 +99,7 @@ protected:
         std::vector<std::string> ids;
         for (const Message &m : gpu().takeMessages()) {
             texts += m.id + ": " + m.text + "\n";
-            // These warn of what is wrong only if rays meet micromaps.
+            // The -without-micromaps messages are warnings: the fault matters only if rays hit micromaps.
             if (m.fromVellum() && !m.id.ends_with("-without-micromaps"))
                 ids.push_back(m.id);
         }

@@ -49,7 +49,7 @@ FileReport verifyBaked(const std::vector<float> &alphas)
     return verify::verifyDocument(Document(folder / "baked.glb"), {});
 }
 
-// All of the card in one state.
+// A card of one state.
 CardFile cardOf(State state)
 {
     CardFile card = bakedCard();
@@ -174,7 +174,7 @@ TEST(VerifyFile, ReportsWhatItCannotVerify)
     EXPECT_EQ(report.unverified[0].name, "mesh 0 \"leaves\" primitive 0");
     EXPECT_NE(report.unverified[0].reason.find("TEXCOORD_0"), std::string::npos);
 
-    // An image that is none.
+    // A file that is not an image.
     card = bakedCard();
     Bytes bytes = card.bytes();
     const std::string signature = "\x89PNG";
@@ -261,8 +261,8 @@ TEST(VerifyFile, CautionsOfAnotherImage)
     EXPECT_EQ(report.primitives.at(0).caution, "its texture has an image that is not supported (KHR_texture_basisu)");
 }
 
-// The baker gives up triangles whose vertices have different alphas, or alphas that no texture has. That can be proven
-// to be more than is needed, and is nothing to complain about in a file that was just baked.
+// The baker gives up triangles whose vertices have different alphas, or alphas that no texture has. It can be proven
+// that they need not be unknown, but that is not a finding in a file that was just baked.
 TEST(VerifyFile, FindsNothingInABakedFileWithVertexAlphas)
 {
     for (const std::vector<float> &alphas : {std::vector<float>{1, 1, 1, 1},

@@ -40,7 +40,7 @@ TEST(VerifyPolygon, WidenedIsTheHullOfAllSums)
 {
     TestRandom random(41);
     for (unsigned round = 0; round < 20000; ++round) {
-        // On a small grid, where edges are upright, level, equal and without length; and anywhere.
+        // Both on a small grid, where edges are vertical, horizontal, equal and of length 0, and at random positions.
         const bool grid = round % 2 == 0;
         std::array<Point, 3> triangle;
         for (Point &p : triangle)
@@ -55,7 +55,7 @@ TEST(VerifyPolygon, WidenedIsTheHullOfAllSums)
         const long double area = areaOf(sum);
         ASSERT_GT(area, 0);
         ASSERT_NEAR(static_cast<double>(area), static_cast<double>(areaOf(hull)), 1e-9);
-        // All of the hull is in it: with the same area, they are the same.
+        // The polygon contains the hull; with the same area, they are equal.
         for (const auto &p : hull) {
             for (size_t i = 0; i < sum.size(); ++i) {
                 const auto &a = sum[i];

@@ -59,7 +59,7 @@ TEST(Texels, BoundsHoldAllTexelsOfABoxAndFitSmallOnes)
         ASSERT_LE(range.low, exact.low);
         ASSERT_GE(range.high, exact.high);
         const bool small = box.right - box.left < 4 && box.bottom - box.top < 4;
-        // Boxes as large as the texture may be taken for all of it.
+        // Boxes as large as the texture may be treated as all of it.
         if (small && t.width > 4 && t.height > 4) {
             ASSERT_EQ(range.low, exact.low);
             ASSERT_EQ(range.high, exact.high);
@@ -69,7 +69,7 @@ TEST(Texels, BoundsHoldAllTexelsOfABoxAndFitSmallOnes)
     }
 }
 
-TEST(Texels, OfWhichOneIsNotFiniteHaveNoBounds)
+TEST(Texels, OneThatIsNotFiniteMakesBoundsInfinite)
 {
     TestRandom random(3);
     for (const uint32_t size : {3u, 70u}) {

@@ -19,7 +19,7 @@ inline std::vector<verify::TriangleCorners> toCorners(const std::vector<Triangle
     return corners;
 }
 
-// One micromap triangle with states of its own for each of `triangles`.
+// One micromap triangle for each of `triangles`, each with its own states.
 inline Micromap emptyMicromap(size_t triangles, uint32_t level, Format format)
 {
     Micromap micromap;
@@ -38,7 +38,7 @@ inline void setState(Micromap &micromap, uint32_t triangle, uint32_t micro, Stat
     writeState(micromap.data.data() + t.dataOffset, micro, t.format, state);
 }
 
-// Each triangle gets data of its own, special indices too.
+// Each triangle gets its own data, special indices as well.
 inline Micromap unshared(const Micromap &baked, uint32_t level)
 {
     Micromap micromap = emptyMicromap(baked.indices.size(), level, Format::FourState);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What verification finds against the oracle of bake_oracle.h, for random micromaps: each state of each micro-triangle
-// is said of it somewhere, so that nothing can be found by luck.
+// Findings of verification compared with the oracle of bake_oracle.h, for random micromaps. Over all of them, each
+// micro-triangle claims each state, so that no finding is a coincidence.
 #include <gtest/gtest.h>
 
 #include <map>
@@ -15,7 +15,7 @@ using verify::Kind;
 namespace
 {
 
-// By triangle and micro-triangle.
+// Keyed by triangle and micro-triangle.
 using Found = std::map<std::pair<uint32_t, uint32_t>, Finding>;
 
 Found foundBy(const verify::Result &result)
@@ -43,7 +43,7 @@ struct Sum {
     size_t outsideMargins = 0;
 };
 
-// Whether what was found of one micro-triangle is what the oracle says, without tolerances. A place that is named must
+// Checks that the finding of a micro-triangle is that of the oracle, without tolerances. The reported location must
 // contradict the claim.
 template <typename N>
 void check(Sum &sum, const AlphaTexture &texture, const Found &found, uint32_t triangle, uint32_t micro, State state,
@@ -135,8 +135,8 @@ TEST(VerifyExact, FindsWhatTheMathematicsFindsAnywhere)
     EXPECT_GT(sum.needless, sum.all / 10);
 }
 
-// With tolerances: wrong is what is so without any, and the margins, those of the Minkowski sum, decide the rest.
-TEST(VerifyExact, FindsWhatIsTrueButNotWithMargins)
+// With tolerances, a state is wrong if it is wrong without them; otherwise the margins (a Minkowski sum) decide.
+TEST(VerifyExact, FindsStatesThatHoldOnlyWithoutMargins)
 {
     TestRandom random(13);
     Sum sum;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What verification finds in micromaps of the baker: nothing; and in those that were damaged: the damage.
+// Findings of verification: none for micromaps of the baker, and the damage for those that were damaged.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -259,7 +259,7 @@ TEST(Verify, ConstantFactorsScaleTheValue)
         options.level = 3;
         options.cutoff = 0.4;
         const BakeResult plain = bake(texture, triangles, options);
-        // The same by a factor for each vertex. All products are exact.
+        // The same values by a factor for each vertex. All products are exact.
         std::vector<TriangleCorners> corners = toCorners(triangles);
         for (TriangleCorners &c : corners)
             c.alpha = {factor, factor, factor};
@@ -305,7 +305,7 @@ TEST(Verify, FactorsThatChangeAreInterpolated)
     }
 }
 
-TEST(Verify, WhatIsNotANumberProvesNothing)
+TEST(Verify, NanProvesNothing)
 {
     BakeOptions options;
     options.level = 2;
@@ -315,7 +315,7 @@ TEST(Verify, WhatIsNotANumberProvesNothing)
         alpha = 1;
     const float bad[] = {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()};
     for (const float value : bad) {
-        // In a texel: what touches it cannot be claimed, the rest can.
+        // In a texel: micro-triangles that touch it cannot be known, the others can.
         AlphaTexture spoiled = texture;
         spoiled.alpha[16 * 8 + 8] = value;
         for (const Filter filter : {Filter::Bilinear, Filter::Nearest}) {
@@ -414,7 +414,7 @@ TEST(Verify, RejectsWhatItCannotRead)
     EXPECT_THROW(verify::verify({}, triangles, micromap, {}), std::invalid_argument);
 }
 
-// What a coordinate was computed from in single precision moves the margins.
+// The margins include the rounding errors of the terms from which a coordinate was computed in single precision.
 TEST(Verify, MarginsFollowTheTermsOfCoordinates)
 {
     const AlphaTexture texture = leaves(64);

@@ -15,7 +15,7 @@ int fail(const char *what)
     return 1;
 }
 
-// What follows the first word.
+// The command line after the first word.
 std::wstring argumentsOf(const wchar_t *line)
 {
     const wchar_t end = *line == L'"' ? L'"' : L' ';

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where Windows has the file of settings: in the registry before VK_LAYER_SETTINGS_PATH.
+// The location of the settings file on Windows: the registry before VK_LAYER_SETTINGS_PATH.
 #include <filesystem>
 #include <fstream>
 
@@ -55,7 +55,7 @@ TEST_F(RegisteredSettings, ComeBeforeTheVariable)
 {
     EXPECT_EQ(found(), utf8Text(folder_ / "variable.txt"));
     const std::filesystem::path registered = write(L"registered.txt");
-    enter(registered, 1); // which turns it off
+    enter(registered, 1); // turns it off
     enter(folder_ / L"gone.txt", 0);
     EXPECT_EQ(found(), utf8Text(folder_ / "variable.txt"));
     enter(registered, 0);

@@ -8,7 +8,7 @@
 namespace vellum
 {
 
-// At most 64 * kLimbs bits and a sign. What would be larger throws std::overflow_error.
+// At most 64 * kLimbs bits and a sign. Larger results throw std::overflow_error.
 class BigInt
 {
 public:

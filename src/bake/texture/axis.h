@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// How positions along one axis of a texture lead to texels: a sampler's address mode.
+// Maps positions along one axis of a texture to texels, by a sampler's address mode.
 //
 // Cell i is the interval between the centres of texels i and i + 1, for any integer i. An address mode folds all of
-// them onto a few stored cells. Beside each other, the stored cells read the texels of a padded row: stored cell s
-// reads padded texels s and s + 1.
+// them onto a few stored cells. Stored cells are consecutive and read the texels of a padded row: stored cell s reads
+// padded texels s and s + 1.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +18,7 @@ class Axis
 public:
     Axis(uint32_t size, Wrap wrap);
 
-    // How many cells are stored; padded rows have one texel more.
+    // The number of stored cells; padded rows have one texel more.
     [[nodiscard]] int64_t cells() const { return cells_; }
     // The texel of a padded row, -1 for the border.
     [[nodiscard]] int64_t padded(int64_t index) const;
@@ -35,7 +35,7 @@ public:
     // The longest run from cell `i` on that ends at `last` or before.
     [[nodiscard]] Run run(int64_t i, int64_t last) const
     {
-        // In front of the border, every mode is as simple as that.
+        // Before the border, every mode maps cells directly.
         if (i >= -lead_ && last < cells_ - lead_)
             return {i + lead_, 1, last - i + 1};
         return foldedRun(i, last);

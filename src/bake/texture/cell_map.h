@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where in a texture the alpha test can change: one bit for each cell, the square between four texel centres.
+// The cells of a texture in which the alpha test can change: one bit for each cell, the square between four texel
+// centres.
 //
 // In a cell whose four texels are on one side of the cutoff the filtered value stays there, whatever the filter. Only
-// the other cells, the mixed ones, need a look inside, and they are few: the outlines of leaves.
+// the other cells, the mixed ones, need closer examination, and they are few: the outlines of leaves.
 #pragma once
 
 #include <algorithm>
@@ -16,15 +17,15 @@
 namespace vellum
 {
 
-// A filtered value is surely opaque from `opaque` on, and surely transparent below `transparent`. They are equal but
-// for the tolerance of values.
+// A filtered value is certainly opaque from `opaque` on, and certainly transparent below `transparent`. They differ
+// only by the tolerance of values.
 struct Thresholds {
     double transparent;
     double opaque;
 };
 
-// A cell and the texels at its corners, named by their place in the cell: f<x><y>. Cells are counted in unwrapped
-// positions, from an origin that whoever asks has chosen.
+// A cell and the texels at its corners, named by their position in the cell: f<x><y>. Cells are counted in unwrapped
+// positions, from an origin that the caller chooses.
 struct Cell {
     int64_t x;
     int64_t y;

@@ -24,7 +24,7 @@ struct AlphaTexture {
     Wrap wrapU = Wrap::Repeat;
     Wrap wrapV = Wrap::Repeat;
     Filter filter = Filter::Bilinear;
-    float border = 0; // what Wrap::Border reads outside
+    float border = 0; // read outside by Wrap::Border
 
     // Takes every `stride`-th byte as an 8-bit normalised value.
     //   first   the alpha of texel (0, 0): 3 bytes after the pixels of an RGBA image
@@ -50,8 +50,8 @@ struct AlphaTexture {
 
     // The texel at any integer position, wrapped, or the border.
     [[nodiscard]] float texel(int64_t x, int64_t y) const;
-    // The filtered value at (u, v), in double precision: exactly what Vulkan's "Texel Filtering" defines, with none of
-    // a GPU's rounding. u and v must be finite and below 2^31 texels.
+    // The filtered value at (u, v), in double precision: exactly as Vulkan's "Texel Filtering" defines it, without the
+    // rounding of a GPU. u and v must be finite and below 2^31 texels.
     [[nodiscard]] double sample(double u, double v) const;
 };
 

@@ -110,7 +110,7 @@ std::string describe(const MeshMicromap &use)
            describeUsage(use.usagePointers, use.usage);
 }
 
-// Where it is not the plainest.
+// Describes the members whose values are not the simplest ones.
 std::string describe(const oracle::MeshLayout &layout)
 {
     std::string text;
@@ -577,7 +577,7 @@ void Account::writeRay()
                                    ? std::string("a ray tracing pipeline")
                                    : fmt::format("a ray query in stage {}", nameOf(kStageNames, case_.trace.stage));
     line("");
-    if (!verdict_.ray) { // what is wrong is not what a ray meets
+    if (!verdict_.ray) { // the fault is not about a ray
         line("{} traced by {}.", counted(after_.rays.size(), "ray"), tracer);
         if (!verdict_.detail.empty())
             line("\nFound:\n{}", verdict_.detail);

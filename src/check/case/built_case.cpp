@@ -217,7 +217,7 @@ void BuiltCase::buildMicromaps()
         micromap->forgetInput();
 }
 
-// By one command, with the structures that BuildPlan::mixed adds.
+// Builds all micromaps by one command, with the structures that BuildPlan::mixed adds.
 void BuiltCase::buildMicromapsTogether()
 {
     std::vector<MicromapBuild> builds;
@@ -296,7 +296,7 @@ VkBuildAccelerationStructureFlagsKHR buildFlagsOf(const Case &c, uint32_t object
         const bool updated = isUpdated(step, object, scene);
         if (updated)
             flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR;
-        // Without it, an update needs the original micromap, or after deserialization a deserialized one:
+        // Without the flag, an update needs the original micromap, or after deserialization a deserialized one:
         // VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11628, -micromap-11629.
         const bool sameMicromap = step.kind == Kind::UpdateObject || step.kind == Kind::RebuildObjects;
         if (updated && (!sameMicromap || deserialized) && (flags & kAllowDataUpdate) == 0)
@@ -342,7 +342,7 @@ void BuiltCase::buildObjects()
 {
     const bool indirect = isIndirect(case_);
     describeObjects();
-    std::vector<uint32_t> objects; // that are not built yet
+    std::vector<uint32_t> objects; // objects not built yet
     for (uint32_t o = 0; o < bottoms_.size(); ++o) {
         if (!bottoms_[o].structure)
             objects.push_back(o);
@@ -441,7 +441,7 @@ void BuiltCase::buildTopAgain(const Step &step)
     tlas.forgetInput();
 }
 
-// For BuildPlan::single: everything but recording.
+// For BuildPlan::single: everything but the recording.
 void BuiltCase::prepareAll()
 {
     for (const oracle::SceneMicromap &from : scene_.micromaps)

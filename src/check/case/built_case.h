@@ -29,7 +29,8 @@ public:
     [[nodiscard]] const Structure &top() const { return *top_; }
     // A top level of the same instances without flags, which rays of every mask see.
     [[nodiscard]] std::unique_ptr<Tlas> plainTop() const;
-    // Records what the case has in the submission that traces: all builds, or one in new memory beside the rays.
+    // Records the part of the case that belongs to the submission that traces: all builds, or one in new memory
+    // concurrent with the rays.
     void recordWithRays(VkCommandBuffer commands);
 
 private:
@@ -70,7 +71,7 @@ private:
     void buildMicromapBeside(Micromap &micromap, uint32_t number);
 
     [[nodiscard]] VkBuildAccelerationStructureFlagsKHR topFlags() const;
-    // How builds and updates of objects are done.
+    // How objects are built and updated.
     struct BuildMode {
         bool update = false, outOfPlace = false;
     };
@@ -117,7 +118,7 @@ private:
     Device &gpu_;
     const Case &case_;
     Buffer predicate_;    // of conditional rendering: false
-    oracle::Scene scene_; // as the steps so far have made it
+    oracle::Scene scene_; // state after the steps so far
     std::vector<std::unique_ptr<Micromap>> micromaps_;
     std::vector<Bottom> bottoms_;
     std::unique_ptr<Structure> top_;

@@ -47,7 +47,7 @@ VkQueryResultFlags resultFlags(const QueryCommand &command)
     return flags;
 }
 
-// Where results are in memory that a command writes to, which ends behind some bytes that it must not write.
+// The layout of results in memory that a command writes to. Guard bytes, which it must not write, follow.
 struct Layout {
     explicit Layout(const QueryCommand &command)
         : word(command.wide ? 8 : 4), tight(word * (command.availability ? 2 : 1)), offset(kUnit * command.offset),
@@ -102,7 +102,7 @@ struct BuiltCase::QueryRun {
             commands = gpu.begin();
         built.recordUnder(commands, function);
     }
-    // Submits what was recorded. Waits for it, and judges what it has copied, unless the command does that.
+    // Submits the recorded commands. Waits for them and checks the copied results, unless the command waits itself.
     void submit()
     {
         if (commands == VK_NULL_HANDLE)
@@ -121,8 +121,8 @@ struct BuiltCase::QueryRun {
         commands = VK_NULL_HANDLE;
         resets = writes = false;
         for (const CopyResult &copy : std::exchange(copies, {}))
-            judge(copy.command->byAddress ? "vkCmdCopyQueryPoolResultsToMemoryKHR" : "vkCmdCopyQueryPoolResults",
-                  *copy.command, copy.expected, {copy.buffer.bytes(), static_cast<size_t>(copy.buffer.size())});
+            checkResults(copy.command->byAddress ? "vkCmdCopyQueryPoolResultsToMemoryKHR" : "vkCmdCopyQueryPoolResults",
+                         *copy.command, copy.expected, {copy.buffer.bytes(), static_cast<size_t>(copy.buffer.size())});
     }
     void fault(const std::string &what)
     {
@@ -142,8 +142,8 @@ struct BuiltCase::QueryRun {
     }
 
     [[nodiscard]] uint64_t alone(const QueryTarget &target);
-    void judge(const char *name, const QueryCommand &command, const QueryStates &expected,
-               std::span<const uint8_t> bytes);
+    void checkResults(const char *name, const QueryCommand &command, const QueryStates &expected,
+                      std::span<const uint8_t> bytes);
     void run(const QueryCommand &command);
     void write(const QueryCommand &command);
     void read(const QueryCommand &command);
@@ -157,8 +157,8 @@ struct BuiltCase::QueryRun {
     VkQueryType type;
     QueryPool pool;
     VkCommandBuffer commands = VK_NULL_HANDLE; // recorded and not executed
-    bool resets = false, writes = false;       // whether they do that to queries
-    bool wrong = false;                        // whether a fault was found, after which waiting may never end
+    bool resets = false, writes = false;       // resets or writes queries
+    bool wrong = false;                        // a fault was found, after which a wait may never end
     std::vector<CopyResult> copies;
     std::map<std::pair<QueryTarget::Of, uint32_t>, uint64_t> values; // of queries that are alone in a pool
 };
@@ -171,8 +171,8 @@ uint64_t BuiltCase::QueryRun::alone(const QueryTarget &target)
     return value->second;
 }
 
-void BuiltCase::QueryRun::judge(const char *name, const QueryCommand &command, const QueryStates &expected,
-                                std::span<const uint8_t> bytes)
+void BuiltCase::QueryRun::checkResults(const char *name, const QueryCommand &command, const QueryStates &expected,
+                                       std::span<const uint8_t> bytes)
 {
     const Layout layout(command);
     std::vector<bool> mayChange(bytes.size());
@@ -196,7 +196,7 @@ void BuiltCase::QueryRun::judge(const char *name, const QueryCommand &command, c
     }
     for (size_t i = 0; i < bytes.size(); ++i) {
         if (!mayChange[i] && bytes[i] != kUnwritten)
-            return fault(fmt::format("{} writes beside its results (byte {} of {})", name, i, bytes.size()));
+            return fault(fmt::format("{} writes outside its results (byte {} of {})", name, i, bytes.size()));
     }
 }
 
@@ -243,13 +243,13 @@ void BuiltCase::QueryRun::read(const QueryCommand &command)
                           all ? "VK_SUCCESS" : "VK_NOT_READY"));
     QueryCommand without = command;
     without.offset = 0;
-    judge("vkGetQueryPoolResults", without, statesFor(command), {bytes, memory.size() * kUnit});
+    checkResults("vkGetQueryPoolResults", without, statesFor(command), {bytes, memory.size() * kUnit});
     finish();
 }
 
 void BuiltCase::QueryRun::copy(const QueryCommand &command)
 {
-    // Without VK_QUERY_RESULT_WAIT_BIT, the command does not wait for those that write the queries.
+    // Without VK_QUERY_RESULT_WAIT_BIT, the command does not wait for the commands that write the queries.
     if (!command.wait && writes)
         execute();
     const Layout layout(command);

@@ -16,7 +16,7 @@ namespace
 
 constexpr VkBufferUsageFlags kSerializedUsage =
     VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
-// Where the header of serialized data has these, after the version of 32 bytes.
+// Offsets in the header of serialized data, after the version of 32 bytes.
 constexpr size_t kHeaderSerializedSize = 32;
 constexpr size_t kHeaderDeserializedSize = 40;
 constexpr size_t kHeaderHandleCount = 48; // of a top level
@@ -149,7 +149,7 @@ void BuiltCase::applyToObject(const Step &step)
     case Kind::MoveObject: return moveObject(bottom, step.other);
     case Kind::RenameObject: {
         auto second = std::make_unique<Blas>(gpu_);
-        second->useRoomOf(*bottom.structure);
+        second->useMemoryOf(*bottom.structure);
         second->create(bottom.structure->size());
         bottom.structure = std::move(second);
         return;
@@ -159,7 +159,7 @@ void BuiltCase::applyToObject(const Step &step)
     }
 }
 
-// With BuildPlan::mixed, beside the first object that does not use the micromap of that number.
+// With BuildPlan::mixed, also builds the first object that does not use the micromap of that number.
 void BuiltCase::buildMicromapBeside(Micromap &micromap, uint32_t number)
 {
     OtherBuilds others;
@@ -339,8 +339,9 @@ void BuiltCase::replaceAddresses(const Guarded &data, bool top, const Addresses 
             if (found != addresses.end())
                 std::memcpy(data.bytes() + at - 8, &found->second, 8);
             else if (address != 0)
-                gpu_.fault(fmt::format("the header of a serialized {} has an address that is none of its {} ({:#x})",
-                                       top ? "top level" : "structure", top ? "objects" : "micromaps", address));
+                gpu_.fault(
+                    fmt::format("the header of a serialized {} has an address that does not belong to its {} ({:#x})",
+                                top ? "top level" : "structure", top ? "objects" : "micromaps", address));
         }
     };
     if (top) {
@@ -440,14 +441,14 @@ void BuiltCase::reloadTop(const Step &step)
 }
 
 // One object is cloned, and another one built in its memory by the same submission, if that is large enough: its handle
-// is made while the first content is live, and the first one's destroyed when the second is.
+// is created while the first content is in use, and the first one's is destroyed when the second is.
 void BuiltCase::moveObject(Bottom &moved, uint32_t other)
 {
     Bottom &built = bottoms_[other];
     auto clone = std::make_unique<Blas>(gpu_);
     clone->create(moved.structure->size());
     auto over = std::make_unique<Blas>(gpu_);
-    over->useRoomOf(*moved.structure);
+    over->useMemoryOf(*moved.structure);
     over->prepare(built.geometries, built.flags);
     execute(
         "cloned and built over", {clone->range(), over->range(), over->scratchRange()},
@@ -486,7 +487,7 @@ uint64_t BuiltCase::query(VkQueryType type, uint32_t count,
     return pool.value(count - 1);
 }
 
-// A query of one, and one of it behind all others that can be asked: both must say the same.
+// Queries the structure alone, and after all others that can be queried: both results must be equal.
 VkDeviceSize BuiltCase::sizeOf(const Structure &structure, VkQueryType type)
 {
     std::vector<VkAccelerationStructureKHR> all;
@@ -496,14 +497,14 @@ VkDeviceSize BuiltCase::sizeOf(const Structure &structure, VkQueryType type)
             all.push_back(bottom.structure->handle());
     }
     all.push_back(structure.handle());
-    const auto ask = [&](std::span<const VkAccelerationStructureKHR> of) {
+    const auto querySize = [&](std::span<const VkAccelerationStructureKHR> of) {
         return query(type, static_cast<uint32_t>(of.size()), [&](VkCommandBuffer commands, VkQueryPool pool) {
             gpu_.vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, static_cast<uint32_t>(of.size()), of.data(),
                                                                   type, pool, 0);
         });
     };
-    const VkDeviceSize one = ask(std::span(&all.back(), 1));
-    if (ask(all) != one)
+    const VkDeviceSize one = querySize(std::span(&all.back(), 1));
+    if (querySize(all) != one)
         gpu_.fault("a query of several sizes of acceleration structures differs from a query of one");
     return one;
 }
@@ -518,7 +519,7 @@ VkDeviceSize BuiltCase::sizeOf(const Micromap &micromap, VkQueryType of, const S
             all.push_back(micromaps_[i]->handle());
     }
     all.push_back(micromap.handle());
-    const auto ask = [&](std::span<const MicromapHandle> some) -> VkDeviceSize {
+    const auto querySize = [&](std::span<const MicromapHandle> some) -> VkDeviceSize {
         if (step.host) {
             std::vector<VkMicromapEXT> handles;
             for (const MicromapHandle &handle : some)
@@ -530,8 +531,8 @@ VkDeviceSize BuiltCase::sizeOf(const Micromap &micromap, VkQueryType of, const S
             recordMicromapProperties(gpu_, commands, some, type, pool, 0);
         });
     };
-    const VkDeviceSize one = ask(std::span(&all.back(), 1));
-    if (ask(all) != one)
+    const VkDeviceSize one = querySize(std::span(&all.back(), 1));
+    if (querySize(all) != one)
         gpu_.fault("a query of several sizes of micromaps differs from a query of one");
     return one;
 }

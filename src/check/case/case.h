@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "check/oracle/pipeline_judge.h"
+#include "check/oracle/pipeline_fault.h"
 #include "gpu/programs/pipeline_libraries.h"
 
 namespace vellum::check
@@ -28,12 +28,12 @@ struct BuildPlan {
     // With `together` and VK_KHR_opacity_micromap: structures without micromaps are built by the command that builds
     // the micromaps; and steps that build a micromap build an object that does not use it by the same command.
     bool mixed = false;
-    uint32_t threads = 1;          // that record builds, in command buffers that are submitted to all queues
+    uint32_t threads = 1;          // threads that record builds, in command buffers that are submitted to all queues
     bool instancePointers = false; // the top level reads an array of pointers
     bool geometryPointers = false; // the top level's geometry comes by ppGeometries
     bool single = false;           // everything by one command buffer, with the rays; without steps only
-    // Builds, copies and queries are recorded within conditional rendering whose predicate is false. They are none of
-    // the commands that it discards.
+    // Builds, copies and queries are recorded within conditional rendering whose predicate is false. It does not affect
+    // these commands.
     bool conditional = false;
     // Indirect builds allow that many triangles and instances more than they build: ppMaxPrimitiveCounts.
     uint32_t spareTriangles = 0;
@@ -159,9 +159,9 @@ struct QueryPlan {
 // How the rays are traced.
 struct TracePlan {
     enum class Method { Query, Pipeline };
-    // Where ray flags come from. Specialized, Literal: rays with the same flags are traced together, by a pipeline of
+    // The source of ray flags. Specialized, Literal: rays with the same flags are traced together, by a pipeline of
     // their own, so they should have few different ones; the parameters of traceRayEXT that name records are such
-    // constants, too. Of pipelines only: Mixed: two instructions trace, one with the literal flags of the first ray.
+    // constants, too. Only in pipelines: Mixed: two instructions trace, one with the literal flags of the first ray.
     // Computed: a function traces in a loop, with flags that it computes.
     enum class Flags { RunTime, Specialized, Literal, Mixed, Computed };
     // The execution mode of modules with ray queries (VK_KHR_opacity_micromap). False: sceneRule.
@@ -170,8 +170,8 @@ struct TracePlan {
     enum class From { RayGeneration, ClosestHit, Miss };
     // How a shader uses its ray query. Array: one of two queries in an array. Functions: functions that get it as a
     // parameter initialize it, proceed and read it. Again: it is initialized with other flags and proceeds before.
-    // Sites: it is initialized and proceeds in two places, of which rays take either. Getters: origins, directions and
-    // transforms are read as well.
+    // Sites: it is initialized and proceeds in two locations, of which rays take either. Getters: origins, directions
+    // and transforms are read as well.
     enum class Query { Plain, Array, Functions, Again, Sites, Getters };
 
     Method method = Method::Query;
@@ -214,7 +214,7 @@ inline constexpr uint32_t kRequiredLevel = 3;
 
 struct Case {
     std::string group;
-    uint64_t seed = 0; // that it was made of
+    uint64_t seed = 0; // the seed that it was made from
     Memory memory = Memory::Apart;
     oracle::Scene scene;
     BuildPlan build;
@@ -230,10 +230,10 @@ oracle::Scene sceneAfter(const Case &c);
 struct Verdict {
     std::string cause; // one line without numbers that vary
     std::string detail;
-    uint64_t rays = 0;                 // that were compared with the oracle
+    uint64_t rays = 0;                 // rays compared with the oracle
     std::optional<uint32_t> ray;       // the first that is wrong
     std::vector<uint32_t> wrongRays;   // all that are wrong
-    oracle::Substitution substitution; // that lossy builds must have made
+    oracle::Substitution substitution; // substitutions that lossy builds must have made
     bool skipped = false;              // the device lacks what the case needs, which `cause` says
     [[nodiscard]] bool failed() const { return !cause.empty() && !skipped; }
 };

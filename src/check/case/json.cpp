@@ -49,7 +49,7 @@ Vec3 moved(const Vec3 &vertex, const Vec3 &step, size_t n)
     return out;
 }
 
-// How many triangles from vertex `from` on are the first one, moved by a multiple of `step`.
+// The number of triangles from vertex `from` on that are the first one, moved by a multiple of `step`.
 size_t runOfTriangles(const std::vector<Vec3> &vertices, size_t from, Vec3 &step)
 {
     if (vertices.size() - from < 6)
@@ -73,7 +73,7 @@ size_t runOfTriangles(const std::vector<Vec3> &vertices, size_t from, Vec3 &step
     return count;
 }
 
-// How many indices from `from` on differ from the one before by `step`.
+// The number of indices from `from` on that differ from the one before by `step`.
 size_t runOfIndices(const std::vector<int32_t> &indices, size_t from, int32_t &step)
 {
     if (from + 1 == indices.size())
@@ -473,9 +473,8 @@ public:
     template <class T, size_t N>
     void names(const char *key, std::vector<T> &field, const std::array<Name<T>, N> &names)
     {
-        forEach(key, [&](const Json &element, const std::string &where) {
-            field.push_back(named(element, where, names));
-        });
+        forEach(key,
+                [&](const Json &element, const std::string &where) { field.push_back(named(element, where, names)); });
     }
     template <class T>
     void indices(const char *key, std::vector<T> &field)
@@ -523,7 +522,7 @@ public:
     }
 
 private:
-    // How often this element of a list is there.
+    // The number of repetitions of this element of a list.
     uint32_t repeat()
     {
         uint32_t count = 1;

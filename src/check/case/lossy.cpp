@@ -6,8 +6,8 @@
 #include <fmt/format.h>
 
 #include "check/case/names.h"
-#include "gpu/programs/stage_program.h"
 #include "check/oracle/scene_build.h"
+#include "gpu/programs/stage_program.h"
 
 namespace vellum::check
 {
@@ -18,8 +18,8 @@ using oracle::Hits;
 using oracle::LossyElement;
 using oracle::LossyHit;
 
-// Ray flags; whether a triangle is a candidate of rays with each of them distinguishes its states. None of them commits
-// a hit, so that every triangle on the ray is seen.
+// Ray flags that distinguish the states of a triangle by whether it is a candidate. None of the rays commits a hit, so
+// that every triangle on the ray is seen.
 constexpr std::array kProbes{kRayNoOpaque, kRayNoOpaque | kRayForceTwoState, kRayCullOpaque};
 using Seen = std::array<bool, kProbes.size()>;
 constexpr std::array<Seen, 4> kSeenByState{

@@ -16,14 +16,14 @@ namespace vellum::check
 // The elements of lossy micromaps that rays meet.
 struct LossyStates {
     oracle::Substitution states;
-    std::map<oracle::LossyElement, std::string> faults; // what the specification does not allow
+    std::map<oracle::LossyElement, std::string> faults; // violations of the specification
 };
 
-// In the structures of a case whose scene is `scene` after all steps. hits: allHits of each of its rays.
+// Reads them from the structures of a case whose scene is `scene` after all steps. hits: allHits of each of its rays.
 LossyStates lossyStatesIn(Device &gpu, const BuiltCase &built, const oracle::Scene &scene,
                           std::span<const oracle::Hits> hits);
-// In structures that the twin of the device builds of the same data with the same flags, by plain commands: without
-// copies, updates and several builds at a time.
+// Reads them from structures that the twin of the device builds of the same data with the same flags, by plain
+// commands: without copies, updates and several builds at a time.
 LossyStates lossyStatesOfTwin(Device &gpu, const Case &c, const oracle::Scene &scene,
                               std::span<const oracle::Hits> hits);
 

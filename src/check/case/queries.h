@@ -13,7 +13,7 @@ namespace vellum::check
 struct QueryState {
     enum class Is { Uninitialized, Unavailable, Available };
     Is is = Is::Uninitialized;
-    QueryTarget target; // whose property an available query holds
+    QueryTarget target; // the target of an available query
 };
 using QueryStates = std::vector<QueryState>; // of a pool
 

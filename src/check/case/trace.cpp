@@ -6,8 +6,8 @@
 #include <stdexcept>
 
 #include "check/case/trace_pipelines.h"
-#include "check/oracle/pipeline_judge.h"
-#include "check/oracle/query_judge.h"
+#include "check/oracle/pipeline_fault.h"
+#include "check/oracle/query_fault.h"
 
 namespace vellum::check
 {
@@ -50,7 +50,7 @@ std::optional<std::string> sceneRule(const Device &gpu, const TracePlan &plan, c
 {
     if (!hasMicromaps(scene))
         return {};
-    // Both rules ask how structures were built. An instance that disables micromaps makes no difference.
+    // Both rules depend on how structures were built. An instance that disables micromaps makes no difference.
     if (plan.method == TracePlan::Method::Pipeline && plan.withoutMicromaps)
         return "VUID-vkCmdTraceRaysKHR-micromap-11640: the pipeline lacks the micromap bit";
     if (plan.method == TracePlan::Method::Query && gpu.khr() && !consumesMicromaps(plan))
@@ -82,15 +82,15 @@ public:
             std::vector<Ray> rays;
             for (const size_t i : batch)
                 rays.push_back(scene.rays[i]);
-            const auto judge = [&](size_t n, const auto &judgeHits) {
+            const auto check = [&](size_t n, const auto &faultOf) {
                 const size_t i = batch[n];
                 if (!hits[i].unsure && faults[i].empty())
-                    faults[i] = judgeHits(hits[i].hits);
+                    faults[i] = faultOf(hits[i].hits);
             };
             if (plan_.method == TracePlan::Method::Query)
-                traceQueries(top, scene, rays, *first, judge);
+                traceQueries(top, scene, rays, *first, check);
             else
-                tracePipelines(top, scene, rays, *first, judge);
+                tracePipelines(top, scene, rays, *first, check);
             static const Record kNothing;
             first = &kNothing;
         }
@@ -157,9 +157,9 @@ private:
             plan_.secondary);
     }
 
-    template <class Judge>
+    template <class Check>
     void traceQueries(const Structure &top, const Scene &scene, std::span<const Ray> rays, const Record &beside,
-                      const Judge &judge)
+                      const Check &check)
     {
         std::unique_ptr<Tracer> &tracer = queries_[key(rays)];
         if (!tracer)
@@ -168,7 +168,7 @@ private:
         run(std::span(&one, 1), top, rays, beside);
         const std::vector<Result> results = tracer->results();
         for (size_t i = 0; i < results.size(); ++i)
-            judge(i, [&](const std::vector<Hit> &hits) { return queryFault(scene, rays[i], hits, results[i]); });
+            check(i, [&](const std::vector<Hit> &hits) { return queryFault(scene, rays[i], hits, results[i]); });
     }
 
     struct PipelineTrace {
@@ -198,20 +198,20 @@ private:
         return *tracers[trace.table];
     }
 
-    template <class Judge>
+    template <class Check>
     void tracePipelines(const Structure &top, const Scene &scene, std::span<const Ray> rays, const Record &beside,
-                        const Judge &judge)
+                        const Check &check)
     {
-        tracePipelines(top, scene, rays, beside, judge, 0);
+        tracePipelines(top, scene, rays, beside, check, 0);
         if (!plan_.firstDestroyed)
             return;
         rayPipelines_.erase({key(rays), 0});
-        tracePipelines(top, scene, rays, {}, judge, 1);
+        tracePipelines(top, scene, rays, {}, check, 1);
     }
 
-    template <class Judge>
+    template <class Check>
     void tracePipelines(const Structure &top, const Scene &scene, std::span<const Ray> rays, const Record &beside,
-                        const Judge &judge, size_t first)
+                        const Check &check, size_t first)
     {
         const std::vector<PipelineTrace> traces = pipelineTraces(first);
         std::vector<PipelineTracer *> tracers;
@@ -225,7 +225,7 @@ private:
         for (size_t k = 0; k < traces.size(); ++k) {
             const std::vector<PipelineResult> results = tracers[k]->results();
             for (size_t i = 0; i < results.size(); ++i)
-                judge(i, [&](const std::vector<Hit> &hits) {
+                check(i, [&](const std::vector<Hit> &hits) {
                     std::string fault = pipelineFault(scene, rays[i], hits, results[i], tolerance, traces[k].by);
                     if (fault.empty() && plan_.callables)
                         fault = callableFault(static_cast<uint32_t>(i), results[i].called, traces[k].by);
@@ -242,7 +242,7 @@ private:
     TracePlan plan_;
     // By the constant flags of rays, or 0.
     std::map<uint32_t, std::unique_ptr<Tracer>> queries_;
-    // By that and the number of the pipeline: one for each table.
+    // By the flags and the number of the pipeline: one for each table.
     std::map<std::pair<uint32_t, size_t>, std::vector<std::unique_ptr<PipelineTracer>>> rayPipelines_;
     std::vector<PipelinePlan> pipelines_;
 };
@@ -269,7 +269,7 @@ std::vector<std::string> traceFaults(Device &gpu, const Structure &top, const Sc
         std::vector<std::pair<TracePlan, std::unique_ptr<PlannedTracer>>> all;
     };
     const std::shared_ptr<Tracers> tracers = gpu.kept<Tracers>();
-    TracePlan pipelines = plan; // what pipelines depend on
+    TracePlan pipelines = plan; // the members that pipelines depend on
     pipelines.besideBuild = pipelines.boundFirst = pipelines.secondary = false;
     pipelines.launch = {};
     pipelines.firstDestroyed = false;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Traces the rays of a scene in every way that a plan can name, and judges what they met.
+// Traces the rays of a scene by every kind of plan, and compares what they hit with the expected hits.
 #pragma once
 
 #include <functional>
@@ -47,7 +47,7 @@ public:
     PlannedTracer &operator=(const PlannedTracer &) = delete;
     ~PlannedTracer();
 
-    // Another plan, of the same pipelines.
+    // Sets another plan, of the same pipelines.
     void setPlan(const TracePlan &plan);
 
     // The fault of each ray of the scene, whose top level is `top`; empty: none, or the ray is unsure. hits: allHits of

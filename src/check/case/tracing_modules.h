@@ -13,7 +13,7 @@ namespace vellum::check
 // specialized: ray flags by specialization constant 0 instead of each ray's own. byAddress: the acceleration structure
 // comes as a device address.
 std::span<const uint32_t> queryModule(VkShaderStageFlagBits stage, bool specialized, bool byAddress);
-// Not of TracePlan::Query::Plain.
+// For all shapes except TracePlan::Query::Plain.
 std::span<const uint32_t> queryModule(TracePlan::Query query);
 // A ray generation shader with flags of run time, which executes callable shaders as well.
 std::span<const uint32_t> callingModule();

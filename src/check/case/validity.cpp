@@ -22,7 +22,7 @@ using oracle::Scene;
 
 constexpr uint32_t kMostLevels = 12;
 constexpr size_t kMostMeshes = size_t{1} << 17;
-// So that no case takes all memory.
+// Limits so that no case takes all memory.
 constexpr uint64_t kMostBytes = uint64_t{1} << 28; // of a buffer
 constexpr uint32_t kMostThreads = 64;
 constexpr size_t kMostParts = 16, kMostTables = 8; // of a pipeline
@@ -193,7 +193,7 @@ void checkTriangles(const oracle::Mesh &mesh, const std::string &where)
         const Vec3 read = quantized(layout.vertexFormat, vertex);
         rule((inactive || !(read[0] < vertex[0] || read[0] > vertex[0])) &&
                  !(read[1] < vertex[1] || read[1] > vertex[1] || read[2] < vertex[2] || read[2] > vertex[2]),
-             where, "a vertex is none that {} has", nameOf(kVertexFormatNames, layout.vertexFormat));
+             where, "a vertex has a value that {} cannot represent", nameOf(kVertexFormatNames, layout.vertexFormat));
     }
     checkStride(layout, format.bytes, format.alignment, where);
     const uint32_t indexBytes = layout.indexType == VK_INDEX_TYPE_UINT16 ? 2 : 4;
@@ -540,7 +540,7 @@ void checkPipeline(const Case &c, const Scene &after, const PipelinePlan &pipeli
     checkParts(pipeline, c.trace.from != TracePlan::From::RayGeneration, where);
     rule(pipeline.otherTables.size() <= kMostTables, where, "has {} other tables, not at most {}",
          pipeline.otherTables.size(), kMostTables);
-    // Also where the scene is not traced by pipelines.
+    // Also if the scene is not traced by pipelines.
     const bool traced = c.trace.method == TracePlan::Method::Pipeline;
     for (size_t t = 0; t <= pipeline.otherTables.size(); ++t) {
         const std::string here = t == 0 ? where + ".table" : fmt::format("{}.otherTables[{}]", where, t - 1);
@@ -597,7 +597,7 @@ void checkPlans(const Case &c)
          "build.micromaps", "are built on device or host");
     rule(isNamed(kBuildCommandNames, c.build.structures) && c.build.structures != BuildCommand::Host,
          "build.structures", "are built on the device");
-    // VkMicromapBuildSizesInfoEXT: sizes are for the build type that they were asked for.
+    // VkMicromapBuildSizesInfoEXT: sizes are for the build type of the query.
     rule((c.build.micromaps != BuildCommand::Host && std::ranges::none_of(c.steps, &Step::host)) ||
              std::ranges::all_of(c.scene.micromaps, &oracle::SceneMicromap::onHost),
          "scene.micromaps", "lack sizes for builds on the host");

@@ -95,7 +95,7 @@ Case builds(Random &random, const DeviceLimits &limits)
     return c;
 }
 
-// Geometry in all its forms, in structures that are built, updated and copied in all ways.
+// Geometry in all its forms, in structures that are built, updated and copied by all commands.
 Case geometry(Random &random, const DeviceLimits &limits)
 {
     using Kind = Step::Kind;
@@ -242,7 +242,7 @@ constexpr std::array kBuildsGroups{
           "Command Buffer State: build and copy commands change no bound pipeline, descriptor set or push constants; "
           "Conditional Rendering: discards draws, dispatches and clears only",
           120, runGroup<state>, 50},
-    Group{"threads", "builds recorded on several threads and submitted to all queues; rays beside a build",
+    Group{"threads", "builds recorded on several threads and submitted to all queues; rays concurrent with a build",
           "Threading Behavior; Acceleration Structure Build Synchronization", 100, runGroup<threads>, 100},
 };
 

@@ -37,17 +37,17 @@ struct OutcomeFile {
 struct Outcome {
     Status status = Status::Pass;
     std::string cause;      // one line without numbers that vary: failures with the same cause are put together
-    std::string detail;     // what was found and what was expected; lines
-    std::string reproducer; // the shrunk case as JSON; empty if there is none
-    uint64_t rays = 0;      // that were compared with the oracle
+    std::string detail;     // the finding and the expectation; lines
+    std::string reproducer; // the shrunk case as JSON; empty if none
+    uint64_t rays = 0;      // rays compared with the oracle
     std::vector<OutcomeFile> files;
 };
 
-// What a process tests.
+// The tests that a process runs.
 struct SessionOptions {
     uint32_t device = 0; // its number in Vulkan's list
     Api api = Api::Khr;
-    bool layer = true; // whether our layer is enabled
+    bool layer = true; // the layer is enabled
 };
 
 // The device of one process.
@@ -59,7 +59,7 @@ struct Group {
     std::string_view sentences; // of the specification that it tests, with section or VUID
     uint32_t cases = 0;         // in a full run
     Outcome (*run)(Session &session, std::string_view group, uint64_t seed) = nullptr;
-    // At least 1: how many of the first cases are a quick run. Chosen so that a group takes about three seconds of a
+    // At least 1: the number of first cases that are a quick run. Chosen so that a group takes about three seconds of a
     // worker on lavapipe for each extension.
     uint32_t quick = 20;
     // Kinds of cases: case n is of kind n % kinds, which is also its seed % kinds. The first `kinds` cases show each.
@@ -80,8 +80,8 @@ Outcome replay(Session &session, const std::string &reproducer);
 // The case that a group makes of a seed, as a reproducer. It does not run.
 std::string makeCase(Session &session, const Group &group, uint64_t seed);
 
-// For cases that end their process: runs a reproducer by `run`, which has a process for it, and makes it smaller for at
-// most that many seconds, if it crashes or loses the device.
+// For cases that end their process: runs a reproducer by `run`, in a process of its own, and shrinks it for at most
+// that many seconds, if it crashes or loses the device.
 Outcome runSeparately(const std::string &reproducer, Api api, double seconds,
                       const std::function<Outcome(const std::string &reproducer)> &run);
 

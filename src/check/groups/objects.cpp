@@ -143,7 +143,7 @@ constexpr std::array kObjectsGroups{
           "micromaps, with other instances",
           "vkCmdBuildAccelerationStructuresKHR: each of pInfos names the structure that is built", 80,
           runGroup<rebuilds>, 80},
-    Group{"sequences", "up to ten steps of all kinds, and rays beside a build",
+    Group{"sequences", "up to ten steps of all kinds, and rays concurrent with a build",
           "all sections that the groups copies, serialization and updates name", 250, runGroup<sequences>, 160},
 };
 

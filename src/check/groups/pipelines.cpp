@@ -175,7 +175,7 @@ Case pipelineLibraries(Random &random, const DeviceLimits &limits)
     return c;
 }
 
-// Ray tracing pipelines made in other ways.
+// Ray tracing pipelines created by other commands and from libraries.
 Case pipelinePlans(Random &random, const DeviceLimits &limits)
 {
     const bool micromaps = !chance(random, 20);
@@ -224,7 +224,7 @@ Case bindingTables(Random &random, const DeviceLimits &limits)
         else
             pipeline.otherTables.push_back(table);
     }
-    // One record of all hits, which are then all on triangles.
+    // One record for all hits, which are then all on triangles.
     if (chance(random, 15)) {
         const auto triangles =
             std::ranges::find_if(c.scene.objects, [](const oracle::Object &object) { return !object.hasBoxes(); });

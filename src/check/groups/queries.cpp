@@ -15,7 +15,7 @@ using CommandKind = QueryCommand::Kind;
 using Property = QueryPlan::Property;
 using Of = QueryTarget::Of;
 
-// What a pool of that property can be asked about.
+// The objects that a pool of that property can query.
 std::vector<QueryTarget> targetsOf(const oracle::Scene &scene, Property property, bool structures, bool micromaps,
                                    const DeviceLimits &limits)
 {
@@ -51,7 +51,7 @@ public:
         onHost_ = micromaps && limits.api == Api::Ext && limits.hostCommands;
     }
 
-    // Nothing where there is nothing to ask about.
+    // Nothing if there is nothing to query.
     std::optional<QueryPlan> make()
     {
         if (targets_.empty())
@@ -59,7 +59,7 @@ public:
         plan_.count = 1 + below(random_, 12);
         states_.resize(plan_.count);
         reset(0, plan_.count);
-        // What is wrong shows before anything waits for it.
+        // Writes and reads without a wait, so that faults show before anything waits.
         write();
         read(0, plan_.count);
         for (uint32_t i = 3 + below(random_, 12); i > 0; --i) {
@@ -100,7 +100,7 @@ private:
             targets.push_back(targets_[below(random_, static_cast<uint32_t>(targets_.size()))]);
         return targets;
     }
-    // A range of queries that are so, in which a random one is; empty where there is none.
+    // A range of queries with this property, which includes a random one; empty if no query has it.
     std::pair<uint32_t, uint32_t> rangeOf(Is is)
     {
         std::vector<uint32_t> firsts;
@@ -121,7 +121,7 @@ private:
         if (count > 0)
             add({.kind = CommandKind::Write, .first = first, .count = count, .targets = someTargets(count)});
     }
-    // How results are read.
+    // A command that reads results, with random options.
     QueryCommand results(CommandKind kind, uint32_t first, uint32_t count)
     {
         return {.kind = kind,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What groups make random cases with.
+// Building blocks of the groups' random cases.
 #pragma once
 
 #include <algorithm>
@@ -18,7 +18,8 @@ using oracle::Random;
 struct DeviceLimits {
     Api api = Api::Khr;
     bool byteIndices = false; // VK_INDEX_TYPE_UINT8 for micromaps
-    bool pipelines = false;   // ray tracing pipelines
+    bool rayQueries = true;
+    bool pipelines = false; // ray tracing pipelines
     bool hostCommands = false;
     bool indirectBuilds = false;
     bool hostReset = false;   // of queries
@@ -51,7 +52,7 @@ inline bool chance(Random &random, uint32_t percent)
 Limits smallScene(const DeviceLimits &limits);
 // A scene of these limits, with no levels above what the device allows.
 oracle::Scene makeScene(Random &random, const Limits &scene, const DeviceLimits &limits);
-// One that does not move its object, 0.
+// An instance of object 0 without a transform.
 oracle::Instance instanceInPlace(Random &random);
 // A ray against z with random flags, which cull by opacity at most. The caller places its origin.
 Ray rayDown(Random &random);
@@ -88,9 +89,9 @@ std::optional<QueryPlan> randomQueries(Random &random, const oracle::Scene &scen
 
 // Runs a case, and makes it smaller if it fails, for at most that many seconds.
 Outcome runAndShrink(Session &session, const Case &c, double seconds);
-// The same with a random case.
+// Runs a random case as above.
 Outcome runRandomCase(Session &session, std::string_view group, uint64_t seed, MakeCase make);
-// As a Group does.
+// Implements Group::run.
 template <MakeCase make>
 Outcome runGroup(Session &session, std::string_view group, uint64_t seed)
 {

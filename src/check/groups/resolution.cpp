@@ -33,7 +33,7 @@ Case plain(Random &random, const DeviceLimits &limits)
                                                                        : TracePlan::Method::Query}};
 }
 
-// One object in one instance, which does not move it.
+// One object in one instance without a transform.
 oracle::Scene rowScene(Random &random)
 {
     oracle::Scene scene;

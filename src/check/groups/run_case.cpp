@@ -31,7 +31,8 @@ Verdict verdictOf(Session &session, const Case &c)
     }
     if (verdict.skipped)
         return verdict;
-    // What a layer takes for an error in a valid program is a failure too, of whichever of the two is wrong.
+    // An error that a layer reports about a valid program is a failure as well, whether the driver or the layer is
+    // wrong.
     for (const std::string &error : session.takeErrors()) {
         verdict.detail += (verdict.detail.empty() ? "" : "\n") + error;
         if (verdict.cause.empty())

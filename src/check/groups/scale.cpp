@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The group about scenes that are large in one respect. What rays aim at are a few elements with high numbers, each
-// unlike the many others, which are all the same: a device that loses a bit of a number takes one for another.
+// unlike the many others, which are equal: a device that loses a bit of a number confuses them.
 #include <array>
 #include <set>
 
@@ -229,7 +229,7 @@ Case micromapTriangles(Random &random, const DeviceLimits &limits, uint32_t coun
 // Indices whose highest bit is set, and which are not special.
 Case shortIndices(Random &random, const DeviceLimits &limits)
 {
-    constexpr uint32_t kOf16Bits = 0xfffc, kOf8Bits = 0xfc; // that are not special
+    constexpr uint32_t kOf16Bits = 0xfffc, kOf8Bits = 0xfc; // number of indices that are not special
     std::set<uint32_t> bytes{0x7f, 0x80, kOf8Bits - 1}, words{0x7fff, 0x8000, kOf16Bits - 1};
     while (bytes.size() < 12)
         bytes.insert(0x80 + below(random, kOf8Bits - 0x80));
@@ -277,7 +277,7 @@ Case highestLevel(Random &random, uint16_t format, uint32_t level)
     return c;
 }
 
-// The same by a ray tracing pipeline.
+// As above, by a ray tracing pipeline.
 template <MakeCase make>
 Case byPipeline(Random &random, const DeviceLimits &limits)
 {

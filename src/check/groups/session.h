@@ -5,9 +5,9 @@
 #include <map>
 #include <utility>
 
-#include "gpu/device.h"
 #include "check/groups/group.h"
 #include "check/groups/random_case.h"
+#include "gpu/device.h"
 
 namespace vellum::check
 {
@@ -19,7 +19,7 @@ public:
 
     [[nodiscard]] Device &device(Memory memory);
     [[nodiscard]] const DeviceLimits &limits() const { return limits_; }
-    // What layers reported since the last call, errors only.
+    // The errors that layers reported since the last call.
     [[nodiscard]] std::vector<std::string> takeErrors();
 
     bool onlyMakesCases = false; // instead of running them: a group's outcome is Pass, with the reproducer

@@ -15,13 +15,13 @@ namespace
 
 constexpr double kDistance = 1e-4; // in t
 constexpr double kGrazing = 0.02;  // cosine
-// How far a driver's rounding may move a triangle or a ray, in units of the object. "Implementations should take
-// efforts to maintain as much precision as possible" is all that the specification says.
+// How far a driver's rounding may move a triangle or a ray, in units of the object. The specification says only:
+// "Implementations should take efforts to maintain as much precision as possible".
 constexpr double kPlace = 5e-6;
-constexpr double kMostMargin = 5e-4;  // in barycentrics: half of what the judges tolerate
+constexpr double kMostMargin = 5e-4;  // in barycentrics: half of what the checks of rays tolerate
 constexpr double kFlat = 1e-9;        // products of edges, of vertices in one line
 constexpr double kNearSegment = 1e-3; // to a triangle whose vertices are in one line
-constexpr double kWidest = 0.05;      // the same of slivers
+constexpr double kWidest = 0.05;      // limit for slivers
 
 using Point = std::array<double, 3>;
 
@@ -65,9 +65,8 @@ LocalRay toObject(const VkTransformMatrixKHR &transform, const Ray &ray)
 
 } // namespace
 
-// By descending the curve: nearest vertex 0, middle with ordering flipped,
-// nearest vertex 1, nearest vertex 2 with ordering flipped. A flipped triangle is gone through from its vertex 2 to its
-// vertex 0.
+// Descends the curve: nearest vertex 0, middle with flipped order, nearest vertex 1, nearest vertex 2 with flipped
+// order. A flipped triangle is traversed from its vertex 2 to its vertex 0.
 uint32_t microTriangleAt(double u, double v, uint32_t level, double &edge)
 {
     // Weights of the current sub-triangle's vertices 0, 1, 2, in the order the curve visits them.
@@ -226,7 +225,7 @@ private:
             return;
         const Point normal = cross(e1, e2);
         const double area = std::sqrt(dot(normal, normal));
-        // Neither degenerate triangles nor inactive ones, whose area is NaN, are ever met.
+        // Degenerate triangles and inactive ones, whose area is NaN, are never hit.
         if (!(area > 0))
             return;
         const double cosine = determinant / (area * std::sqrt(dot(local_.direction, local_.direction)));
@@ -270,7 +269,7 @@ private:
         return std::abs(t - double{ray_.tMin}) < slack_ || std::abs(t - double{ray_.tMax}) < slack_;
     }
 
-    // Where the ray is inside the box grown by `growth`; false: nowhere between tMin and tMax.
+    // The part of the ray inside the box grown by `growth`; false: none between tMin and tMax.
     bool slab(const VkAabbPositionsKHR &box, double growth, double &from, double &to) const
     {
         const Point low{double{box.minX}, double{box.minY}, double{box.minZ}};

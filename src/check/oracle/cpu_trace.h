@@ -30,7 +30,7 @@ struct Hit {
     // A triangle of a geometry that promises to show each candidate once.
     bool once = false;
     uint32_t record = 0; // instanceShaderBindingTableRecordOffset
-    int state = 0;       // as outcomeOf takes it
+    int state = 0;       // for outcomeOf
 };
 
 // The number of the micro-triangle at barycentrics (u, v). `edge` becomes how near the next line between two of them
@@ -50,7 +50,7 @@ using Substitution = std::map<LossyElement, int>;
 struct LossyHit {
     uint32_t instance;
     LossyElement at;
-    int state; // that the build was given
+    int state; // state in the build's input
 };
 
 struct Hits {

@@ -184,7 +184,7 @@ void addPatch(Random &random, std::vector<Vec3> &vertices, uint32_t triangles)
     }
 }
 
-// Of a solid, which has more triangles than corners: an octahedron that is turned and stretched.
+// A solid with shared vertices: an octahedron that is rotated and scaled.
 void addSolid(Random &random, std::vector<Vec3> &vertices, uint32_t triangles)
 {
     const VkTransformMatrixKHR turn = randomTransform(random);
@@ -279,7 +279,8 @@ Mesh randomMesh(Random &random, Scene &scene, bool boxes, uint32_t most, const L
     }
     mesh.vertices = randomVertices(random, count, mesh.layout, unusual);
     if (limits.micromaps && chance(random, 75)) {
-        // One for each triangle and some more, of which a base may skip some; or one that other meshes use as well.
+        // A micromap with an entry for each triangle and some more, of which a base may skip some; or one that other
+        // meshes use as well.
         if (scene.micromaps.empty() || chance(random, 80))
             scene.micromaps.push_back(randomMicromap(random, std::max(count + below(random, 7), 1u), limits));
         mesh.micromap = randomUse(random, scene, count, limits);
@@ -299,7 +300,7 @@ Object randomObject(Random &random, Scene &scene, const Limits &limits)
     for (uint32_t m = 0; m < meshes; ++m)
         object.meshes.push_back(randomMesh(random, scene, boxes, most, limits));
     object.geometryPointers = chance(random, limits.unusual / 2);
-    // Without boxes it is one of triangles.
+    // An object without boxes is one of triangles.
     for (Mesh &mesh : object.meshes)
         mesh.layout = boxes && !object.hasBoxes() ? MeshLayout{} : mesh.layout;
     return object;

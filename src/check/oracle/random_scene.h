@@ -24,7 +24,7 @@ struct Limits {
     uint32_t instances = 10;  // at most
     uint32_t triangles = 32;  // of a mesh, at most
     uint32_t boxes = 20;      // of 100 objects, how many are of boxes
-    // Of 100 meshes, how many lie in memory in an unusual way, and which vertex formats they may have.
+    // The percentage of meshes with an unusual memory layout, and the vertex formats that they may have.
     uint32_t unusual = 0;
     std::vector<VkFormat> formats = {VK_FORMAT_R32G32B32_SFLOAT};
 };
@@ -32,7 +32,7 @@ struct Limits {
 Scene randomScene(Random &random, const Limits &limits);
 // The parts of that.
 MicromapTriangle randomTriangle(Random &random, uint32_t maxLevel);
-// How a mesh of that many triangles uses a micromap of the scene, which must not be empty, or a null one.
+// The use of a micromap of the scene, which must not be empty, or a null one, by a mesh of that many triangles.
 MeshMicromap randomUse(Random &random, const Scene &scene, uint32_t triangles, const Limits &limits);
 Ray randomRay(Random &random, const Limits &limits);
 Instance randomInstance(Random &random, uint32_t objects, const Limits &limits);

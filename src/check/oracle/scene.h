@@ -30,14 +30,14 @@ struct SceneMicromap {
     bool usagePointers = false; // usage counts come as an array of pointers
     uint32_t usage = 0;         // how they are stated: bits of check::UsageForm
     uint32_t layout = 0;        // where the data of triangles is: bits of check::DataLayout
-    bool onHost = false;        // sizes are asked for builds on host or device; VK_EXT_opacity_micromap
+    bool onHost = false;        // sizes are queried for builds on host or device; VK_EXT_opacity_micromap
 };
 
 // How a mesh uses a micromap.
 struct MeshMicromap {
     std::optional<uint32_t> micromap; // its number in the scene; nothing: a null handle, and special indices only
     VkIndexType indexType = VK_INDEX_TYPE_NONE_KHR;
-    std::vector<int32_t> indices; // what each triangle of the mesh has; negative: special
+    std::vector<int32_t> indices; // index of each triangle of the mesh; negative: special
     uint32_t base = 0;
     // Bytes between two indices; tightly packed unless given; 0: every triangle reads the first index.
     std::optional<uint32_t> stride;
@@ -57,7 +57,7 @@ inline bool isAlike(const std::optional<MeshMicromap> &a, const std::optional<Me
     return a.has_value() == b.has_value() && (!a || a->micromap.has_value() == b->micromap.has_value());
 }
 
-// How the triangles or boxes of a mesh lie in memory. What is between them is garbage.
+// How the triangles or boxes of a mesh lie in memory. The bytes between them are garbage.
 struct MeshLayout {
     VkFormat vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
     uint32_t stride = 0;          // bytes from one vertex or box to the next; 0: packed tightly

@@ -37,7 +37,7 @@ struct BakeCommandOptions {
 // `options` once the command line is parsed; it throws UsageError.
 std::function<void()> declareBaking(CLI::App &command, DocumentBakeOptions &options);
 
-// "auto" is no level. Throws UsageError.
+// Returns nothing for "auto". Throws UsageError.
 std::optional<uint32_t> parseLevel(const std::string &text);
 
 // "1500", "64K", "2M" or "1G", with steps of 1024. Throws UsageError.
@@ -67,7 +67,7 @@ public:
     void note(const Document &document);
     // A document that was not read: any pattern may match in it.
     void noteUnread();
-    // To stderr, a line each.
+    // Writes to stderr, one line each.
     void print() const;
 
 private:

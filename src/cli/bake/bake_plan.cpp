@@ -29,7 +29,7 @@ fs::path besideInput(const fs::path &input)
     return output.replace_extension(".omm") += input.extension();
 }
 
-// One name for each location in the file system. A link at the location is replaced itself.
+// One name for each location in the file system. A link at the location is not followed, as a write replaces it.
 fs::path locationOf(const fs::path &path)
 {
     std::error_code error;
@@ -78,7 +78,7 @@ private:
     bool force_;
     std::vector<FilesBeside> beside_;
     std::vector<std::string> problems_;
-    std::map<FileId, fs::path> reads_; // what is read, and the input that it is or that names it
+    std::map<FileId, fs::path> reads_; // files that are read, and the input that each belongs to
     struct Write {
         fs::path input;
         fs::path copied; // the file that is copied; empty for an output

@@ -41,8 +41,8 @@ Document openDocument(const std::filesystem::path &path);
 // Writes a file, whole or not at all; for "-" to `data`, which must then be there. Throws Error.
 void writeData(const std::filesystem::path &path, std::span<const uint8_t> bytes, std::optional<DataOutput> &data);
 
-// In the first bytes of every HTML file that this command writes (of pictures: picture.h), and of the JSON that belongs
-// to a page, whose schema may have any number. A file with it may be replaced.
+// This mark is in the first bytes of every HTML file that this command writes (of pictures: picture.h), and of the JSON
+// that belongs to a page, whose schema may have any number. A file with it may be replaced.
 inline constexpr std::string_view kHtmlMark = "<meta name=\"generator\" content=\"vellum\">";
 inline constexpr std::string_view kJsonMark[] = {R"({"schema":"vellum/)", R"(","command":"bench",)"};
 

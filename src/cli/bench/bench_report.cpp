@@ -89,7 +89,7 @@ void addFrames(const PartResult &result, std::vector<std::string> &verdict)
         }
         if (!levels.empty())
             verdict.push_back(
-                fmt::format("By {}, {} beside a {} alpha test: {}.",
+                fmt::format("By {}, {} compared with a {} alpha test: {}.",
                             result.part.trace == render::Trace::Query ? "ray queries" : "a ray tracing pipeline",
                             implementationOf(result.part), heavy ? "heavy" : "plain", levels));
     }
@@ -117,8 +117,8 @@ void addBuilds(const PartResult &result, std::vector<std::string> &verdict)
         verdict.push_back(text);
 }
 
-// Other programs slow both sides of a comparison, and not by the same. What they do on the GPU spreads the times of
-// frames: alone, the middle half of the ratios lies within a few hundredths.
+// Other programs slow both sides of a comparison, but not equally. Their work on the GPU spreads the times of frames:
+// without them, the middle half of the ratios lies within a few hundredths.
 void addNoise(const std::vector<PartResult> &results, std::vector<std::string> &verdict)
 {
     constexpr double kBusy = 0.2;

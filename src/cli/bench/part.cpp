@@ -41,7 +41,7 @@ private:
     std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 
-// Where the part's events go.
+// The destination of the part's events.
 job::Events *events = nullptr;
 
 // A row, sent when it is complete. Html: so that the report can hold it as it is.
@@ -130,7 +130,7 @@ void selfCheck(const Part &part, const BenchDevice &wanted)
 
 // --- frames ---
 
-// One side of a comparison: durations by the device's timestamps where it has them, and by the clock.
+// One side of a comparison: durations by the device's timestamps if it has them, and by the clock.
 class Timed
 {
 public:
@@ -259,7 +259,7 @@ Micromap repeated(const Micromap &micromap, size_t times)
     return all;
 }
 
-// One of about 1,000 triangles.
+// Measures a micromap of about 1,000 triangles.
 void measureMicromaps(gpu::Device &device, const render::BakedScene &baked, uint32_t level, double seconds)
 {
     const std::vector<const Micromap *> all = baked.micromaps();
@@ -321,9 +321,7 @@ void measurePipelineCreation(const Part &part, const BenchDevice &wanted)
 {
     Devices devices(part, wanted);
     devices.create(part.api);
-    std::vector<render::Trace> traces = {render::Trace::Query};
-    if (devices.layeredInfo.rayTracingPipelines)
-        traces.push_back(render::Trace::Pipeline);
+    const std::vector<render::Trace> traces = render::tracesOf(devices.layeredInfo);
     const render::RenderScene scene = render::prepareScene(render::makeGrove(), 1);
     const double share = part.seconds / static_cast<double>(traces.size());
     for (const render::Trace trace : traces) {
@@ -416,7 +414,7 @@ std::optional<std::string> rowOf(const std::string &line)
     return line.substr(kRowEvent.size(), line.size() - kRowEvent.size() - 1);
 }
 
-// In words; empty for success.
+// Describes the failure; empty for success.
 std::string failureOf(const ProcessEnd &end)
 {
     return !end.crash.empty() ? "crashed: " + end.crash
@@ -474,7 +472,7 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device, double ti
             last = elapsed();
         }
     }
-    if (Interruptible::interrupted()) // which may have ended the process as well
+    if (Interruptible::interrupted()) // the interrupt may have ended the process as well
         result.failure = "interrupted";
     else
         result.failure =

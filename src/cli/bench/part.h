@@ -17,9 +17,9 @@ namespace vellum::cli
 {
 
 enum class PartKind {
-    Device,    // what the device is, and who implements micromaps
+    Device,    // the device, and who implements micromaps
     Check,     // random cases against the oracle of `vellum check`
-    Frames,    // frames with micromaps beside frames with alpha tests
+    Frames,    // frames with micromaps compared with frames with alpha tests
     Builds,    // micromaps and acceleration structures
     Pipelines, // making pipelines
 };
@@ -30,13 +30,13 @@ struct Part {
     std::string implementation = "auto"; // the layer's setting
     gpu::Api api = gpu::Api::Khr;
     render::Trace trace = render::Trace::Query; // of frames
-    double seconds = 10;                        // that it should take
+    double seconds = 10;                        // intended duration
 
     // "frames-query-emulated-khr"; "device-auto"
     [[nodiscard]] std::string name() const;
 };
 
-// Which device, and where the layer is.
+// The device, and the folder of the layer.
 struct BenchDevice {
     gpu::DeviceSelection device;
     std::optional<std::filesystem::path> layerFolder;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How long builds and the making of pipelines take, on a device with the layer and without.
+// Measures builds and the creation of pipelines, on a device with the layer and without.
 #pragma once
 
 #include <array>
@@ -68,7 +68,7 @@ std::array<PipelineTiming, 2> measurePipelines(const TimedDevices &devices, cons
                                                const std::function<void()> &progress,
                                                const std::function<bool(size_t pairs)> &goOn);
 
-// Tells the drivers of this process to compile every pipeline anew. Before the first Vulkan call.
+// Makes the drivers of this process compile every pipeline anew. Must be called before the first Vulkan call.
 void disableShaderCaches();
 
 } // namespace vellum::cli

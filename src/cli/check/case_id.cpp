@@ -87,7 +87,7 @@ uint64_t seedOf(uint64_t seed, const CaseId &id)
     mixed = (mixed ^ (mixed >> 30)) * 0xbf58476d1ce4e5b9u;
     mixed = (mixed ^ (mixed >> 27)) * 0x94d049bb133111ebu;
     mixed ^= mixed >> 31;
-    // So that the seed alone determines the kind.
+    // The seed alone then determines the kind.
     const uint64_t kinds = id.group->kinds;
     return kinds == 1 ? mixed : mixed / 2 / kinds * kinds + id.number % kinds;
 }

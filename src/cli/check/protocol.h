@@ -16,13 +16,13 @@ namespace vellum::cli
 
 // The device and API that a worker process tests.
 struct WorkerOptions {
-    gpu::DeviceSelection device; // as --device names it; its number once it is chosen
+    gpu::DeviceSelection device; // the operand of --device; the device's number once it is chosen
     check::Api api = check::Api::Khr;
     bool layer = true; // Vellum's layer is enabled
 };
 
-// To the worker. It answers each with an Event::Device; or with an Event::Begin when the device is open, and an
-// Event::End; or with an Event::Error, after which it ends.
+// A request to the worker. It answers each with an Event::Device; or with an Event::Begin when the device is open, and
+// an Event::End; or with an Event::Error, after which it ends.
 struct Request {
     enum class Kind {
         Describe,
@@ -57,10 +57,10 @@ struct DeviceSummary {
     [[nodiscard]] bool has(check::Api api) const { return api == check::Api::Khr ? khr : ext; }
 };
 
-// Loads the drivers. Throws an exception where there is no such device.
+// Loads the drivers. Throws an exception if the device does not exist.
 DeviceSummary describeDevice(const WorkerOptions &options);
 
-// From the worker.
+// An event from the worker.
 struct Event {
     enum class Kind { Device, Begin, End, Error } kind = Kind::Begin;
     DeviceSummary device;   // Device

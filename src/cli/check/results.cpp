@@ -30,7 +30,7 @@ void add(const CaseResult &result, std::vector<CauseTally> &causes)
         found->first = &result;
 }
 
-// The element of a group, which is added where there is none.
+// The element of a group, which is added if missing.
 template <typename OfGroup>
 OfGroup &elementOf(check::Api api, const check::Group *group, std::vector<OfGroup> &groups)
 {

@@ -30,7 +30,7 @@ struct CaseResult {
     struct Details {
         std::string cause;
         std::string text;
-        std::string reproducer; // its path; empty if there is none
+        std::string reproducer; // its path; empty if none
     };
     std::shared_ptr<const Details> details;
 
@@ -61,7 +61,7 @@ struct GroupTally {
     [[nodiscard]] size_t count(std::initializer_list<check::Status> some) const;
     // Cases that were run, and tested something.
     [[nodiscard]] size_t tested() const;
-    // How many a run should test at least.
+    // The number of cases that a run should test at least.
     [[nodiscard]] size_t least() const { return std::min<size_t>(planned, group->quickCases()); }
 };
 
@@ -94,14 +94,15 @@ struct RunFacts {
 
 // deqp-runner's results.csv: name,status,seconds, by name.
 std::string resultsCsv(const std::vector<CaseResult> &results);
-// deqp-runner's failures.csv: name,status of what is no success. It can be the next run's baseline.
+// failures.csv as deqp-runner writes it: name,status of all cases that did not pass. It can be the baseline of the next
+// run.
 std::string failuresCsv(const std::vector<CaseResult> &results);
 // JUnit's XML, a test suite for each group and extension.
 std::string junitXml(const RunFacts &facts, const std::vector<CaseResult> &results);
 // src/cli/schema.json describes it.
 std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &results);
 
-// For people: a table of groups and a list of causes.
+// Readable text: a table of groups and a list of causes.
 std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &results);
 
 class OutputFolder
@@ -110,8 +111,8 @@ public:
     // Throws Error for a folder with files that are not of an earlier run, unless `force` is set.
     OutputFolder(std::filesystem::path path, bool force);
 
-    // Writes the reproducer of a failure and what explains it, for the first failures with each cause. Returns its
-    // path; empty if there is none.
+    // Writes the reproducer of a failure and its account, for the first failures with each cause. Returns its path;
+    // empty if none was written.
     std::string writeFailure(const Finished &finished, uint64_t seed);
     // Writes results.csv, failures.csv, junit.xml and results.json. Throws Error.
     void writeResults(const RunFacts &facts, const std::vector<CaseResult> &results) const;

@@ -58,7 +58,7 @@ public:
 
 private:
     void begin(const CaseId &id);
-    void ask(); // a worker for current_
+    void requestRun(); // a worker for current_
     void startWaiting();
     void abandon();
     void handle(const Event &event);
@@ -93,7 +93,7 @@ bool Runner::Slot::proceed(Schedule &schedule)
         if (runner_.givesUp())
             abandon();
         else if (since(lastStart_) > kSecondsBetweenStarts)
-            ask();
+            requestRun();
     }
     if (current_ || closing_)
         return true;
@@ -128,10 +128,10 @@ bool Runner::Slot::proceed(Schedule &schedule)
 void Runner::Slot::begin(const CaseId &id)
 {
     current_ = id;
-    ask();
+    requestRun();
 }
 
-void Runner::Slot::ask()
+void Runner::Slot::requestRun()
 {
     const RunSettings &settings = runner_.settings_;
     const CaseId &id = *current_;
@@ -171,7 +171,7 @@ void Runner::Slot::startWaiting()
     process_->startWaiting();
 }
 
-// No worker runs current_.
+// Marks that no worker runs current_.
 void Runner::Slot::abandon()
 {
     const CaseId id = *std::exchange(current_, std::nullopt);
@@ -342,8 +342,8 @@ bool Runner::mustConfirm(const Finished &finished) const
     return confirmed == confirmed_.end() || confirmed->second < kMostConfirmations;
 }
 
-// While other workers run, what they use is missing here: there is no reason to give up. Slots that fail at the same
-// time count as one.
+// If other workers run, this failure to start is due to a lack of resources, so the run continues. Slots that fail at
+// the same time count as one.
 void Runner::noteFailedStart(const std::string &error, Clock::time_point time)
 {
     if (workers_ != 0 || std::chrono::duration<double>(time - lastFailedStart_).count() <= kSecondsBetweenStarts)
@@ -391,7 +391,7 @@ void Runner::run(Schedule &schedule)
             reportMissing(*id);
 }
 
-DeviceSummary askForDevice(const WorkerOptions &options, double timeout)
+DeviceSummary findDevice(const WorkerOptions &options, double timeout)
 {
     WorkerProcess worker(options);
     worker.send({.kind = Request::Kind::Describe});

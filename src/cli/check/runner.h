@@ -72,15 +72,15 @@ private:
     Clock::time_point start_ = Clock::now();
     double turn_ = 0;                   // seconds that a worker runs the cases of one stream
     unsigned failedOpenings_ = 0;       // one after the other
-    unsigned workers_ = 0;              // that exist
-    Clock::time_point lastFailedStart_; // that counts
+    unsigned workers_ = 0;              // existing workers
+    Clock::time_point lastFailedStart_; // the last failure that counts
     std::string whyMissing_;            // of the last one
     bool failed_ = false;
     std::map<std::string, size_t> confirmed_; // cases that failed twice, by cause
 };
 
-// The device that workers with these options test. Throws Error where there is none, and UsageError where the layer
-// ignores a setting, so that cases would run otherwise than the environment asks for.
-DeviceSummary askForDevice(const WorkerOptions &options, double timeout);
+// The device that workers with these options test. Throws Error if it does not exist, and UsageError if the layer
+// ignores a setting, because cases would then not run as the environment requests.
+DeviceSummary findDevice(const WorkerOptions &options, double timeout);
 
 } // namespace vellum::cli

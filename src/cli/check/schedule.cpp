@@ -12,7 +12,7 @@ namespace
 {
 
 constexpr uint32_t kMostSkippedByFilters = 10000;
-constexpr uint32_t kMostCasesThatSkip = 20; // before a group is taken for one that the device lacks
+constexpr uint32_t kMostCasesThatSkip = 20; // before a group counts as one that the device lacks
 
 } // namespace
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which cases run, and in which order.
+// The order of the cases that run.
 #pragma once
 
 #include <functional>
@@ -26,7 +26,7 @@ public:
 
     [[nodiscard]] check::Api api() const { return api_; }
     [[nodiscard]] bool atEnd();
-    // Not at the end.
+    // Must not be called at the end.
     CaseId next();
     // Records the result of a case.
     void note(check::Status status, double ofSeconds)
@@ -35,15 +35,16 @@ public:
         onlySkips_ &= status == check::Status::Skip;
         ++finished_;
     }
-    // Those that remain, without those of goOn().
+    // The number of remaining cases, without those of goOn().
     [[nodiscard]] size_t remaining() const { return numbers_.size() - at_; }
     // "khr.levels"
     [[nodiscard]] std::string name() const;
-    // How long the remaining cases take, in the time of one group's quick run: it is about the same for all groups.
+    // The duration of the remaining cases, in units of one group's quick run, which takes about the same time for all
+    // groups.
     [[nodiscard]] double work() const { return static_cast<double>(remaining()) / group_->quickCases(); }
 
-    unsigned workers = 0; // that run its cases now
-    double seconds = 0;   // that its cases took
+    unsigned workers = 0; // workers that run its cases now
+    double seconds = 0;   // time that its cases took
 
 private:
     check::Api api_;
@@ -67,7 +68,7 @@ public:
     [[nodiscard]] size_t remaining() const;
     [[nodiscard]] double work() const;
     [[nodiscard]] size_t streams() const { return streams_.size(); }
-    // Those that workers run now: "khr.levels, ext.updates".
+    // The groups of the cases that workers run now: "khr.levels, ext.updates".
     [[nodiscard]] std::string running() const;
 
 private:
@@ -87,7 +88,7 @@ struct CaseSelection {
     [[nodiscard]] bool accepts(const CaseId &id) const;
 };
 Schedule makeSchedule(const CaseSelection &selection);
-// The first of its filters that none of its cases matches.
+// The first filter of the selection that matches no case.
 std::optional<std::string> idleFilter(const CaseSelection &selection);
 // The cases of a full run, or a quick one, that a selection has.
 std::vector<CaseId> casesOf(const CaseSelection &selection);

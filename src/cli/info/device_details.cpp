@@ -45,13 +45,13 @@ Features featuresOf(VkPhysicalDevice device, uint32_t version, const std::set<st
     structures.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR;
     VkPhysicalDeviceVulkan12Features features12{};
     features12.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
-    const auto ask = [&](auto &feature) { feature.pNext = std::exchange(features12.pNext, &feature); };
+    const auto add = [&](auto &feature) { feature.pNext = std::exchange(features12.pNext, &feature); };
     if (extensions.contains(VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME))
-        ask(structures);
+        add(structures);
     if (version >= VK_API_VERSION_1_3)
-        ask(features13);
+        add(features13);
     else if (extensions.contains(VK_KHR_SYNCHRONIZATION_2_EXTENSION_NAME))
-        ask(synchronization2);
+        add(synchronization2);
     VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &features12, {}};
     vkGetPhysicalDeviceFeatures2(device, &features);
     return {structures.accelerationStructure == VK_TRUE, features12.bufferDeviceAddress == VK_TRUE,
@@ -96,18 +96,18 @@ void readProperties(DeviceDetails &details, VkPhysicalDevice device)
     auto structures = vkInit<VkPhysicalDeviceAccelerationStructurePropertiesKHR>();
     auto pipelines = vkInit<VkPhysicalDeviceRayTracingPipelinePropertiesKHR>();
     auto properties = vkInit<VkPhysicalDeviceProperties2>();
-    const auto ask = [&](auto &part) { part.pNext = std::exchange(properties.pNext, &part); };
-    ask(driver);
-    ask(subgroups);
-    ask(memory);
+    const auto add = [&](auto &part) { part.pNext = std::exchange(properties.pNext, &part); };
+    add(driver);
+    add(subgroups);
+    add(memory);
     if (details.extensions.contains(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
-        ask(ext);
+        add(ext);
     if (details.extensions.contains(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME))
-        ask(khr);
+        add(khr);
     if (details.extensions.contains(VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME))
-        ask(structures);
+        add(structures);
     if (details.rayTracingPipelines)
-        ask(pipelines);
+        add(pipelines);
     vkGetPhysicalDeviceProperties2(device, &properties);
     details.driver = std::string(driver.driverName) + " " + driver.driverInfo;
     details.most2StateLevel = std::max(ext.maxOpacity2StateSubdivisionLevel, khr.maxOpacity2StateSubdivisionLevel);

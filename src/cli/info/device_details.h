@@ -32,11 +32,11 @@ struct DeviceDetails {
     bool rayTracingPipelines = false;
     Provider ext = Provider::Nobody; // of VK_EXT_opacity_micromap
     Provider khr = Provider::Nobody; // of VK_KHR_opacity_micromap
-    // With either extension.
+    // The maxima of either extension.
     uint32_t most2StateLevel = 0;
     uint32_t most4StateLevel = 0;
     std::set<std::string> extensions; // with the layer, if it is on
-    // Those that matter for ray tracing, and the bytes of each memory heap. None below Vulkan 1.2.
+    // The limits that matter for ray tracing, and the bytes of each memory heap. Empty below Vulkan 1.2.
     std::vector<DeviceLimit> limits;
     // Why the layer would not bring micromaps, one line each.
     std::vector<std::string> missing;

@@ -99,7 +99,7 @@ private:
     const Document &document_;
     const gltf_json::Model &model_;
     std::vector<bool> masked_;                    // by material
-    std::set<PrimitivePlace> micromapPrimitives_; // those that have one
+    std::set<PrimitivePlace> micromapPrimitives_; // primitives with micromaps
     FileReport report_;
 };
 
@@ -171,7 +171,7 @@ void FileReader::readStored()
     report_.micromaps = summariesOf(stored.micromaps);
 }
 
-// By the baker itself, at the fastest level.
+// Finds them by a bake at the fastest level.
 void FileReader::findSkipped()
 {
     attempt("bake", [&] {

@@ -29,7 +29,7 @@ struct FileReport {
     std::filesystem::path path;
     bool binary = false;
     uint64_t bytes = 0;
-    std::vector<Extension> extensions; // that the file uses
+    std::vector<Extension> extensions; // used by the file
     uint64_t scenes = 0, nodes = 0, meshes = 0, primitives = 0, triangles = 0, maskedTriangles = 0;
     std::map<std::string, std::vector<std::string>> materials; // names by alphaMode
     std::vector<Image> images;
@@ -38,12 +38,12 @@ struct FileReport {
     uint64_t micromapPrimitives = 0;
     std::vector<SkippedPrimitive> skipped; // alpha-tested primitives that vellum bake would skip
     std::vector<MicromapFinding> findings; // against the rules of the micromaps' extension
-    std::vector<MicromapFinding> problems; // what cannot be read
+    std::vector<MicromapFinding> problems; // parts that cannot be read
 };
 
 FileReport reportFile(const Document &document);
 
-// Without `verbose`, long lists are cut off.
+// Without `verbose`, long lists are truncated.
 void print(const FileReport &report, bool verbose);
 void write(const FileReport &report, JsonWriter &json);
 

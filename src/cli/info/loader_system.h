@@ -11,13 +11,13 @@ namespace vellum::cli
 
 enum class ManifestKind { Driver, ExplicitLayer };
 
-// Where manifests are: a folder of them, or one itself.
+// The location of manifests: a folder of them, or one manifest.
 struct ManifestPlace {
     std::filesystem::path path;
     std::string from; // why it is looked at: "/usr/share/vulkan/icd.d", a key of Windows' registry
 };
 
-// Those in which the loader looks where no environment variable names others.
+// The locations that the loader searches if no environment variable names others.
 std::vector<ManifestPlace> systemPlaces(ManifestKind kind);
 
 // Why a file cannot be loaded as a library by this program; empty where it seems right.

@@ -11,7 +11,7 @@ namespace vellum::cli
 
 struct Manifest {
     std::filesystem::path path;
-    std::filesystem::path library; // as the manifest says, or where that is; a bare name is looked for by the system
+    std::filesystem::path library; // named by the manifest, absolute; a bare name is looked up by the system
     std::string from;              // why it is looked at: "VK_DRIVER_FILES", "/usr/share/vulkan/icd.d"
     std::string problem;           // why it cannot work; empty where none is known
 };

@@ -110,7 +110,7 @@ std::vector<std::string> subcommandNames(const std::vector<ReferenceCommand> &co
     return names;
 }
 
-// In single quotes, with `special` characters escaped by backslashes.
+// The text in single quotes, with `special` characters escaped by backslashes.
 std::string quoted(const std::string &text, const std::string &special = "")
 {
     std::string result = "'";
@@ -252,7 +252,7 @@ std::string escaped(const std::string &text)
     std::string result;
     for (const char c : text)
         result += c == '\\' ? std::string("\\e") : c == '-' ? std::string("\\-") : std::string(1, c);
-    // Otherwise roff takes the line for a request.
+    // Otherwise roff would interpret the line as a request.
     if (!result.empty() && (result.front() == '.' || result.front() == '\''))
         result.insert(0, "\\&");
     return result;

@@ -10,7 +10,7 @@ namespace vellum::cli
 
 struct ReferenceOption {
     std::vector<std::string> names; // "-m", "--mode"; of a positional argument none
-    std::string value;              // what it takes: "WxH"; empty for a flag
+    std::string value;              // the operand: "WxH"; empty for a flag
     std::vector<std::string> words; // the values that it takes, if these are all
     std::string description;
     bool positional = false;
@@ -26,7 +26,7 @@ struct ReferenceCommand {
     std::string name; // "render"; empty for the command itself
     std::string usage;
     std::string description;
-    std::string details; // as --help prints them below the options
+    std::string details; // printed by --help below the options
     std::vector<ReferenceGroup> groups;
 
     [[nodiscard]] std::vector<ReferenceOption> options() const; // of all groups

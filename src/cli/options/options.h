@@ -48,7 +48,7 @@ CLI::Validator between(double low, double high);
 CLI::Validator atLeast(double low);
 CLI::Validator finite();
 CLI::Validator wholeBetween(uint64_t low, uint64_t high);
-// One of these words. Also sets the type name to them, for completions.
+// The option accepts only these words. Also sets the type name to them, for completions.
 void takesWords(CLI::Option &option, const std::vector<std::string> &words);
 
 // Adds a number that a bake takes. `most`: instead of the largest that the baker accepts.
@@ -61,7 +61,7 @@ void addToleranceOptions(CLI::App &command, bool &exact, const std::array<double
 // Adds --device.
 void addDeviceOption(CLI::App &command, gpu::DeviceSelection &device);
 
-// The candidate that `word` was probably meant to be; empty if there is none.
+// The candidate that `word` was probably meant to be; empty if none is near.
 std::string nearest(const std::string &word, const std::vector<std::string> &candidates);
 // "; did you mean bake?"; empty if nothing is near.
 std::string suggestion(const std::string &word, const std::vector<std::string> &candidates);

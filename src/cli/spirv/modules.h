@@ -19,7 +19,7 @@ namespace vellum::cli
 // Reads a module, from stdin for "-", and checks its structure. Throws Error.
 std::vector<uint32_t> readModule(const std::filesystem::path &path);
 
-// The error in the structure of a module; empty if there is none.
+// The error in the structure of a module; empty if it is valid.
 std::string structureError(std::span<const uint32_t> words);
 
 inline std::span<const uint8_t> bytesOf(std::span<const uint32_t> words)
@@ -65,7 +65,7 @@ struct SpirvFile {
     std::string path;
     std::string error; // why it was not read or changed; nothing else is known then
     size_t bytes = 0;
-    uint32_t version = 0; // as in the header of the module
+    uint32_t version = 0; // from the header of the module
     std::vector<spirv::EntryPoint> entryPoints;
     std::optional<std::vector<LintFinding>> findings; // of --lint
     std::optional<SpirvOutput> output;

@@ -26,7 +26,7 @@ struct VerifiedFile {
 
 ExitCode exitCodeOf(const VerifiedFile &file, bool strict);
 
-// For people: a table and findings. Without `verbose`, not all primitives of a file with very many.
+// Readable text: a table and findings. Without `verbose`, not all primitives of a file with very many.
 void printVerified(const VerifiedFile &file, bool verbose);
 
 std::string verifiedJson(const std::vector<VerifiedFile> &files, bool strict);

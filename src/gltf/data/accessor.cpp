@@ -53,7 +53,7 @@ Elements elementsIn(std::span<const uint8_t> bytes, size_t offset, size_t count,
 {
     if (count == 0)
         return {nullptr, 0, packed};
-    // In this order no sum can wrap around.
+    // In this order no sum can overflow.
     const bool fits = stride >= packed && offset <= bytes.size() && packed <= bytes.size() - offset &&
                       count - 1 <= (bytes.size() - offset - packed) / stride;
     if (!fits)
@@ -64,7 +64,7 @@ Elements elementsIn(std::span<const uint8_t> bytes, size_t offset, size_t count,
 class AccessorReader
 {
 public:
-    // With `components` components; with any number where that is 0.
+    // Requires `components` components; 0: any number.
     AccessorReader(const BufferViews &views, int index, uint32_t components, const std::string &what);
 
     [[nodiscard]] size_t count() const { return elements_.count; }

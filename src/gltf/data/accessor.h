@@ -11,8 +11,8 @@
 namespace vellum
 {
 
-// In all of these `what` names the accessor in the GltfError that is thrown for one that does not exist, is of another
-// type, contradicts itself or reaches outside of its buffer.
+// In all of these, `what` names the accessor in the GltfError that is thrown if it does not exist, is of another type,
+// contradicts itself or reaches outside its buffer.
 
 // `count` elements of `components` floats each: from FLOAT, or from 8/16-bit integers, normalized or not
 // (KHR_mesh_quantization).
@@ -24,10 +24,10 @@ std::vector<float> readAlphas(const BufferViews &views, int accessor, const std:
 // Vertex indices, from unsigned 8/16/32-bit data.
 std::vector<uint32_t> readIndices(const BufferViews &views, int accessor, const std::string &what);
 
-// How many elements it has, once it is certain that all of them are there.
+// The number of elements, after a check that all of them are there.
 size_t countElements(const BufferViews &views, int accessor, const std::string &what);
 
-// How many elements it says it has.
+// The number of elements that the accessor states.
 size_t accessorCount(const gltf_json::Model &model, int accessor, const std::string &what);
 
 } // namespace vellum

@@ -11,8 +11,8 @@ namespace vellum
 namespace
 {
 
-// A few bytes could ask for gigabytes: what a file is decompressed to is bounded by its own size. Meshopt's streams of
-// version 0 take at least a 64th of their data.
+// A few bytes could decompress to gigabytes, so the decompressed size is limited by the size of the file. Meshopt's
+// streams of version 0 take at least a 64th of their data.
 constexpr uint64_t kMostExpansion = 64;
 constexpr uint64_t kBytesAlwaysAllowed = uint64_t{64} << 20;
 
@@ -68,7 +68,7 @@ std::span<const uint8_t> BufferViews::decompressed(int index, const std::string 
         account(view.bytes());
         return decompressed_.emplace(index, decompressView(view, encoded)).first->second;
     } catch (const GltfUnsupported &error) {
-        // There may be uncompressed data for such a case.
+        // The file may have uncompressed data as a fallback.
         if (parent.buffer >= 0 && static_cast<size_t>(parent.buffer) < model_.buffers.size() &&
             !model_.buffers[static_cast<size_t>(parent.buffer)].data.empty())
             return stored(parent.buffer, parent.byteOffset, parent.byteLength, name);

@@ -29,7 +29,7 @@ public:
     // or cannot be decompressed.
     [[nodiscard]] std::span<const uint8_t> bytes(int view, const std::string &what) const;
 
-    // Returns whether a compressed view has uncompressed data beside it, for readers that do not know the compression,
+    // Returns whether a compressed view has uncompressed fallback data, for readers that do not know the compression,
     // that differs from its own.
     [[nodiscard]] bool differsFromFallback(int view, const std::string &what) const;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// By meshoptimizer.
+// Uses meshoptimizer.
 #include <meshoptimizer.h>
 
 #include "gltf/data/decompress.h"

@@ -15,8 +15,8 @@ namespace vellum
 namespace
 {
 
-// The library takes the numbers of faces and points that a stream begins with at their word, and so a few bytes could
-// ask for gigabytes. These are far more than an encoder makes of real meshes.
+// The library trusts the numbers of faces and points at the beginning of a stream, so a few bytes could allocate
+// gigabytes. These limits are far above what an encoder needs for real meshes.
 constexpr uint64_t kElementsAlwaysAllowed = uint64_t{1} << 17;
 constexpr uint64_t kMostPerByte = 8;
 constexpr uint64_t kMostAttributeBytes = uint64_t{64} << 20;
@@ -30,7 +30,7 @@ public:
     explicit CheckedDecoder(size_t encodedBytes) : encodedBytes_(encodedBytes) {}
 
 protected:
-    // Where it begins, the stream has the numbers (of version 2.2): of vertices and faces, or of faces and points.
+    // The stream begins with the numbers (of version 2.2): of vertices and faces, or of faces and points.
     bool DecodeConnectivity() override
     {
         draco::DecoderBuffer ahead(*this->buffer());
@@ -41,7 +41,7 @@ protected:
                second <= most && Decoder::DecodeConnectivity();
     }
 
-    // All attributes are known and none of them is decoded.
+    // All attributes are known, and none is decoded yet.
     bool DecodeAllAttributes() override
     {
         uint64_t bytes = 0;

@@ -23,7 +23,7 @@ public:
     // Three for each triangle, all below vertexCount().
     [[nodiscard]] std::vector<uint32_t> indices() const;
 
-    // How the values of an attribute become floats: by the type that its accessor has.
+    // How the values of an attribute become floats, by the component type of its accessor.
     enum class As : uint8_t { IntegersOrFloats, Signed8, Unsigned8, Signed16, Unsigned16 };
     // `components` for each vertex, of the attribute that has this unique id. `what` begins the GltfError for one that
     // does not exist or has fewer components.

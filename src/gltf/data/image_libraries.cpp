@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// By libpng, libjpeg and libwebp.
+// Uses libpng, libjpeg and libwebp.
 #include <array>
 #include <csetjmp>
 #include <cstdio>
@@ -70,7 +70,7 @@ private:
             return false;
         png_set_read_fn(png_, this, onRead);
         png_set_user_limits(png_, kMostTexels, kMostTexels);
-        // Neither colour profiles nor text.
+        // Skips colour profiles and text.
         png_set_keep_unknown_chunks(png_, PNG_HANDLE_CHUNK_NEVER, nullptr, 0);
         png_read_info(png_, info_);
         return true;

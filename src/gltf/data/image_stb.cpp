@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// By stb_image, in builds without the image libraries: PNG and JPEG.
+// Uses stb_image, in builds without the image libraries: PNG and JPEG.
 #include <memory>
 #include <string_view>
 #include <zlib.h>
@@ -58,7 +58,7 @@ Image withoutTexels(Encoded encoded, const std::string &what)
     return imageOf(static_cast<uint64_t>(width), static_cast<uint64_t>(height), encoded, what);
 }
 
-// With four channels, by stbi_load_from_memory() or its like for 16 bits.
+// Decodes four channels with stbi_load_from_memory() or its variant for 16 bits.
 template <typename Channel>
 std::unique_ptr<Channel, Free> texelsBy(Channel *load(const stbi_uc *, int, int *, int *, int *, int), Encoded encoded,
                                         const std::string &what)
@@ -123,7 +123,7 @@ Image readPng(Encoded encoded, const std::string &what)
     checkPng(encoded, what);
     Image image = withoutTexels(encoded, what);
     const bool wide = stbi_is_16_bit_from_memory(encoded.data(), lengthOf(encoded, what)) != 0;
-    // At least one bit for each texel.
+    // A texel takes at least one bit.
     checkDeflated(uint64_t{image.width} * image.height / 8, encoded, what);
     return wide ? withWideTexels(std::move(image), encoded, what) : withTexels(std::move(image), encoded, what);
 }

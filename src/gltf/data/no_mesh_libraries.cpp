@@ -22,7 +22,7 @@ DracoMesh::DracoMesh(std::span<const uint8_t>, const std::string &what)
     throw GltfUnsupported(what + " is compressed by Draco, which this build cannot read (VELLUM_MESH_LIBRARIES)");
 }
 
-// There is no mesh to call these for.
+// Never called, as no mesh exists.
 DracoMesh::~DracoMesh() = default;
 
 size_t DracoMesh::vertexCount() const

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a file to its bytes, and to the JSON in them.
+// Reads the bytes of a file, and the JSON in them.
 #pragma once
 
 #include <cstddef>
@@ -44,7 +44,7 @@ uint32_t glbWord(std::span<const uint8_t> bytes, size_t offset);
 struct GlbChunk {
     uint32_t type = 0;
     std::span<const uint8_t> data;
-    std::span<const uint8_t> rest; // what follows it
+    std::span<const uint8_t> rest; // the bytes after it
 };
 
 // The chunk that `chunks` begin with; none where they are too short for it.

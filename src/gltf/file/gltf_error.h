@@ -7,7 +7,7 @@
 namespace vellum
 {
 
-// In one line, which names the file where a function reads one by its path or as a Document.
+// Its message is one line, which names the file if a function reads one by its path or as a Document.
 class GltfError : public std::runtime_error
 {
 public:

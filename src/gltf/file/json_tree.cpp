@@ -58,7 +58,7 @@ struct JsonEvents : rapidjson::BaseReaderHandler<rapidjson::UTF8<>, JsonEvents> 
         node.next = static_cast<uint32_t>(tree.nodes_.size());
         return true;
     }
-    // Where the next value begins.
+    // The beginning of the next value.
     [[nodiscard]] uint32_t firstAfter(uint32_t place) const
     {
         return static_cast<uint32_t>(tree.text_.find_first_not_of(" \t\r\n,:", place));
@@ -120,7 +120,7 @@ size_t JsonValue::count(std::string_view name) const
     return count;
 }
 
-// Without a copy of the text where it has no escapes.
+// Does not copy the text if it has no escapes.
 bool JsonValue::is(std::string_view name) const
 {
     const std::string_view quoted = text();

@@ -54,14 +54,14 @@ public:
     [[nodiscard]] bool isArray() const { return exists() && node().kind == JsonTree::Kind::Array; }
     [[nodiscard]] bool isObject() const { return exists() && node().kind == JsonTree::Kind::Object; }
 
-    // Where the text of it is.
+    // The range of its text.
     [[nodiscard]] size_t begin() const { return node().begin; }
     [[nodiscard]] size_t end() const { return node().end; }
     [[nodiscard]] std::string_view text() const { return tree_->text_.substr(begin(), end() - begin()); }
 
     // A member of an object; the last one where there are several of that name.
     [[nodiscard]] JsonValue operator[](std::string_view name) const;
-    // How many members an object has by that name.
+    // The number of members of an object with that name.
     [[nodiscard]] size_t count(std::string_view name) const;
     // The elements of an array, or the values of an object's members; empty for anything else.
     [[nodiscard]] std::vector<JsonValue> children() const;

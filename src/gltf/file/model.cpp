@@ -342,7 +342,7 @@ Buffer ModelReader::bufferOf(const Members &buffer, size_t index) const
     const auto length = static_cast<uint64_t>(*bytes);
     Buffer result;
     if (!uri.exists()) {
-        // Others have no data of their own: what is in them comes from an extension (EXT_meshopt_compression).
+        // Other buffers have no data of their own: an extension provides it (EXT_meshopt_compression).
         if (index != 0 || !container_.binary)
             return result;
         result.data = binaryChunk();

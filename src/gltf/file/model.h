@@ -174,7 +174,7 @@ struct Model {
 // model. Throws GltfError.
 Model readModel(const Container &container, const JsonTree &tree, const std::filesystem::path &path);
 
-// An integer that can be an index, for values that readModel() leaves as JSON; nothing where there is none. Throws
+// An integer that can be an index, for values that readModel() leaves as JSON; nothing if the member is missing. Throws
 // GltfError, which begins with `place`, for anything else.
 std::optional<int> indexIn(const JsonValue &object, std::string_view name, const std::string &place);
 

@@ -35,7 +35,7 @@ public:
     void finish();
     enum class Appeared {
         New,
-        Replaced, // where the file system cannot tell whether there was one
+        Replaced, // where the file system does not state whether it replaced a file
         No,       // something has the name already
     };
     Appeared appear();

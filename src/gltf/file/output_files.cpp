@@ -171,7 +171,7 @@ bool OutputFiles::publish(Pending &pending)
 
 void OutputFiles::publish()
 {
-    // There may be no memory any more once a file has appeared.
+    // Memory may run out once a file has been published.
     std::vector<const Pending *> published;
     published.reserve(pending_.size());
     try {

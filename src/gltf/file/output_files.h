@@ -15,7 +15,7 @@
 namespace vellum
 {
 
-// Bytes to write: own ones, and those of somebody who outlives this.
+// Bytes to write: own ones, and those of an owner that outlives this.
 class FileContent
 {
 public:
@@ -36,7 +36,7 @@ bool sameBytes(const std::filesystem::path &a, const std::filesystem::path &b);
 class OutputFiles
 {
 public:
-    // `cancelled` is asked now and then; BakeCancelled is thrown once it returns true.
+    // `cancelled` is called repeatedly; BakeCancelled is thrown once it returns true.
     explicit OutputFiles(std::function<bool()> cancelled) : cancelled_(std::move(cancelled)) {}
     ~OutputFiles();
     OutputFiles(const OutputFiles &) = delete;
@@ -67,11 +67,11 @@ private:
     NewFile &open(const std::filesystem::path &path, Existing existing);
     void makeFolders(const std::filesystem::path &folder);
     void put(NewFile &file, std::span<const uint8_t> bytes) const;
-    bool publish(Pending &pending); // whether it is new
+    bool publish(Pending &pending); // returns whether it is new
 
     std::function<bool()> cancelled_;
     std::deque<Pending> pending_;
-    std::vector<std::filesystem::path> folders_; // that were made
+    std::vector<std::filesystem::path> folders_; // created folders
     bool published_ = false;
 };
 

@@ -135,7 +135,7 @@ std::vector<uint8_t> base64Decoded(std::string_view text)
     return bytes;
 }
 
-// Both without links.
+// `file` and `folder` must not contain links.
 bool isIn(const std::filesystem::path &file, const std::filesystem::path &folder)
 {
     // Windows ends the path of a drive's root folder, \\?\D:\, with a separator: an empty last component.

@@ -6,9 +6,9 @@
 #include <map>
 #include <tuple>
 
+#include "base/text.h"
 #include "gltf/alpha_textures.h"
 #include "gltf/micromaps/changing_alpha.h"
-#include "base/text.h"
 #include "gltf/primitive.h"
 
 namespace vellum
@@ -41,10 +41,10 @@ struct Source {
     std::optional<StoredMicromap> baked;
 };
 
-// How many maps of the texture's cells are made in the time that it takes to decode the texture.
+// The number of cell maps of a texture that can be computed in the time of decoding it.
 constexpr size_t kMapsForImage = 16;
-// The limit for all primitives together, beside one triangle for each byte of the file's buffers. Primitives can share
-// their indices.
+// The limit for all primitives together, in addition to one triangle for each byte of the file's buffers. Primitives
+// can share their indices.
 constexpr size_t kMostTriangles = size_t{1} << 24;
 
 bool matches(const std::string &name, const std::vector<std::string> &patterns)
@@ -150,7 +150,7 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     const gltf_json::Model &model = document_.model();
     const gltf_json::Mesh &mesh = model.meshes[place.mesh];
     const gltf_json::Primitive &source = mesh.primitives[place.primitive];
-    // Nothing else about an opaque material matters here, whether it can be read or not.
+    // No other property of an opaque material matters here, whether it can be read or not.
     if (source.material >= 0 && static_cast<size_t>(source.material) < model.materials.size()) {
         const std::string &mode = model.materials[static_cast<size_t>(source.material)].alphaMode;
         if (mode != "MASK" && mode != "BLEND")
@@ -234,7 +234,7 @@ std::span<const int32_t> DocumentBaker::takeResult(Source &source, const Microma
     size_t count = 0;
     for (const auto &[alpha, layer] : source.layers)
         count += layer.places.size();
-    // Only what this source uses, in the order that it has.
+    // Only the triangles that this source uses, in their order.
     std::vector<int32_t> used(indices.begin(), indices.begin() + static_cast<ptrdiff_t>(count));
     std::sort(used.begin(), used.end());
     used.erase(std::unique(used.begin(), used.end()), used.end());
@@ -267,7 +267,7 @@ std::span<const int32_t> DocumentBaker::takeResult(Source &source, const Microma
     return indices.subspan(count);
 }
 
-// None where the image cannot be decoded here.
+// Leaves the texture empty if the image cannot be decoded in this build.
 void DocumentBaker::readTexture(Source &source)
 {
     try {
@@ -339,10 +339,10 @@ void DocumentBaker::bakeAll()
             bakeSources({source, 1});
     }
     if (options_.bake.budget)
-        bakeSources(sources_); // which of them gains most from a byte is decided over all
+        bakeSources(sources_); // the budget is shared over all of them
 }
 
-// In the order of the sources. Drops the primitives of those whose image cannot be decoded here.
+// In the order of the sources. Drops the primitives of sources whose image cannot be decoded in this build.
 void DocumentBaker::numberMicromaps()
 {
     std::vector<bool> dropped(result_.primitives.size());

@@ -17,7 +17,7 @@ namespace vellum
 struct DocumentBakeOptions {
     // The cutoff is the material's; a budget is for all of the file.
     BakeOptions bake;
-    // Also bakes alphaMode BLEND: opaque only where alpha is 1, and transparent only where it is 0. That is right for
+    // Also bakes alphaMode BLEND: opaque only where alpha is 1, and transparent only where it is 0. This is correct for
     // renderers that blend, and for those that dither.
     bool blend = false;
     // Bakes it as a mask with this cutoff instead, which is right only for renderers that treat it as one.
@@ -39,7 +39,7 @@ struct BakedPrimitive {
     std::vector<uint32_t> corners;
     // Triangles that are unknown because their vertices have different alphas (COLOR_0).
     size_t varying = 0;
-    std::string caution; // which renderers it is wrong for; empty if none
+    std::string caution; // renderers for which it is wrong; empty if none
 };
 
 enum class SkipReason : uint8_t {
@@ -73,8 +73,9 @@ struct SkippedPrimitive {
 };
 
 struct DocumentBake {
-    // One for all primitives whose alpha is read the same way, so that equal triangles share. None is empty: where all
-    // triangles are special indices there is one triangle that nothing refers to, as the extension wants at least one.
+    // One for all primitives whose alpha is read with the same parameters, so that equal triangles share. None is
+    // empty: if all triangles are special indices there is one triangle that nothing refers to, as the extension
+    // requires at least one.
     std::vector<StoredMicromap> micromaps;
     std::vector<BakedPrimitive> primitives; // in the file's order
     std::vector<SkippedPrimitive> skipped;

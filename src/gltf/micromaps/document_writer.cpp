@@ -24,7 +24,7 @@ constexpr const char *kExtension = kMicromapExtension;
 // Marks the extension of files that were written here, in its "extras".
 constexpr const char *kGenerator = "vellum";
 constexpr const char *kEarlier = kMicromapExtensions[1];
-constexpr size_t kMostBytes = 0x7fffffff; // what readContainer takes
+constexpr size_t kMostBytes = 0x7fffffff; // the limit of readContainer
 // The alignment that Vulkan requires of the addresses of both inputs of a micromap build
 // (VUID-vkCmdBuildMicromapsEXT-pInfos-07515): a buffer can be used as it was loaded.
 constexpr size_t kBuildAlignment = 256;
@@ -43,7 +43,7 @@ void padTo(std::vector<uint8_t> &bytes, size_t alignment, uint8_t with = 0)
     bytes.resize(alignUp(bytes.size(), alignment), with);
 }
 
-// In hexadecimal digits: the same bytes have the same name.
+// In hexadecimal digits: equal bytes have equal names.
 std::string digest(std::span<const uint8_t> bytes)
 {
     const uint64_t hash = hashBytes(bytes.data(), bytes.size());

@@ -13,7 +13,7 @@ namespace vellum
 
 struct RewrittenFile {
     FileContent file;
-    // The file that belongs beside a .gltf, and its name; empty if there is none.
+    // The additional file of a .gltf, and its name; empty if there is none.
     FileContent buffer;
     std::string bufferName;
 };
@@ -25,10 +25,10 @@ bool hasMicromaps(const Document &document);
 bool hasOwnMicromaps(const JsonValue &root);
 
 // The document with these micromaps by EXT_mesh_opacity_micromap, in place of those that it has, whichever their
-// spelling; byte for byte the same where there are none before and after.
+// spelling; byte for byte the same if there are none before and after.
 //
-// A GLB gets the data in its binary chunk, or, where its first buffer is not that chunk, in a data URI. A .gltf gets it
-// in a file whose name is `bufferStem`, a dash, a digest of its bytes in 16 hexadecimal digits and `.bin`, or in a data
+// A GLB gets the data in its binary chunk, or, if its first buffer is not that chunk, in a data URI. A .gltf gets it in
+// a file whose name is `bufferStem`, a dash, a digest of its bytes in 16 hexadecimal digits and `.bin`, or in a data
 // URI if `bufferStem` is empty. The document must outlive the result. Throws GltfError.
 RewrittenFile withMicromaps(const Document &document, const DocumentBake &bake, const std::string &bufferStem);
 

@@ -324,7 +324,7 @@ void ExtensionReader::checkOverlap(const StoredMicromap &micromap)
     if (!std::is_sorted(order.begin(), order.end(), before))
         std::stable_sort(order.begin(), order.end(), before);
     uint64_t end = 0;
-    uint32_t last = 0; // whose data ends there
+    uint32_t last = 0; // the triangle whose data ends there
     for (const uint32_t i : order) {
         const MicromapTriangle &t = triangles[i];
         if (t.dataOffset < end)

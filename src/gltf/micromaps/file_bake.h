@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a glTF file to one with micromaps.
+// Bakes a glTF file and writes one with micromaps.
 #pragma once
 
 #include <filesystem>
@@ -13,7 +13,7 @@ namespace vellum
 {
 
 struct FileBakeOptions : DocumentBakeOptions {
-    // Puts the micromaps of a .gltf into the file itself, in a data URI, instead of into a file beside it.
+    // Puts the micromaps of a .gltf into the file itself, in a data URI, instead of into a separate file.
     bool embed = false;
     // Measures the surface of the scene, for which its vertices are read once more.
     bool measure = false;
@@ -27,7 +27,7 @@ struct FileBake {
     std::string replacedLoss; // lossOfMicromaps() of these; empty if they had their data
     std::optional<SurfaceShares> surface;
     uint64_t inputBytes = 0;  // of the file itself
-    uint64_t outputBytes = 0; // and with the file of micromaps beside it
+    uint64_t outputBytes = 0; // including the separate file of micromaps
 };
 
 // The files that a document names, as far as they exist.
@@ -45,8 +45,8 @@ struct FilesBeside {
 FilesBeside filesBeside(const JsonValue &root, const std::filesystem::path &input, const std::filesystem::path &output);
 
 // Bakes a file and writes `output`, which must be another file; .glb becomes .glb and .gltf becomes .gltf, with its
-// micromaps in `tree.omm-0123456789abcdef.bin` beside `tree.gltf`, where the digits are a digest of them: no other
-// file has that name unless it has the same bytes. What a .gltf names beside it is copied where the output is in
+// micromaps in `tree.omm-0123456789abcdef.bin` in the folder of `tree.gltf`, where the digits are a digest of them: no
+// other file has that name unless it has the same bytes. Files that a .gltf refers to are copied if the output is in
 // another folder. Either all files are written or none. Throws GltfError, BakeError.
 FileBake bakeFile(const Document &document, const std::filesystem::path &output, const FileBakeOptions &options);
 FileBake bakeFile(const std::filesystem::path &input, const std::filesystem::path &output,

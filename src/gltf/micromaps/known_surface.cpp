@@ -27,7 +27,7 @@ double areaOf(const Geometry &geometry, size_t triangle, const Transform &transf
     return std::isfinite(area) ? area : 0;
 }
 
-// A small file may ask for as many triangles in the world as this is times too many to look at.
+// Instances let a small file have too many triangles in the world to examine; this is the limit.
 constexpr size_t kMostKnownTriangles = size_t{1} << 27;
 
 // The areas of each triangle of each alpha-tested geometry, in the world; nothing where there are too many.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How much of what is alpha-tested in a scene its micromaps decide.
+// The share of a scene's alpha-tested surface that its micromaps decide.
 #pragma once
 
 #include <array>

@@ -10,7 +10,7 @@ namespace
 
 constexpr size_t kBlock = 64; // bytes
 
-// For each value of a byte, how many of its four 2-bit states are which.
+// For each value of a byte, the count of each state among its four 2-bit states.
 constexpr auto kStatesOfByte = [] {
     std::array<std::array<uint8_t, 4>, 256> counts{};
     for (size_t byte = 0; byte < counts.size(); ++byte)

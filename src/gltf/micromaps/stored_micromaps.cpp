@@ -45,7 +45,7 @@ std::optional<Micromap> StoredMicromaps::of(PrimitivePlace place) const
         return std::nullopt;
     const PrimitiveMicromap &primitive = found->second;
     const StoredMicromap &source = micromaps[primitive.micromap];
-    // Which triangles of the source are used, in their order there.
+    // The triangles of the source that are used, in their order there.
     std::vector<uint32_t> used;
     for (const int32_t index : primitive.indices)
         if (index >= 0)

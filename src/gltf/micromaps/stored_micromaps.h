@@ -34,7 +34,7 @@ constexpr size_t micromapIndexBytes(size_t triangles)
 struct StoredMicromap {
     std::vector<MicromapTriangle> triangles;
     std::vector<uint8_t> data;
-    std::vector<MicromapUsage> usage; // as the file has it
+    std::vector<MicromapUsage> usage; // as in the file
 
     // The size of the data and of the triangles' records.
     [[nodiscard]] size_t bytes() const { return data.size() + sizeof(MicromapTriangle) * triangles.size(); }

@@ -73,7 +73,7 @@ Graphics::Graphics(Device &gpu, VkPipelineLayout layout, const Shaders &shaders,
                                    {VK_SHADER_STAGE_TASK_BIT_EXT, shaders.task},
                                    {VK_SHADER_STAGE_MESH_BIT_EXT, shaders.mesh},
                                    {VK_SHADER_STAGE_FRAGMENT_BIT, shaders.fragment}}};
-    std::vector<VkPipelineShaderStageCreateInfo> stages; // that of the fragment shader last
+    std::vector<VkPipelineShaderStageCreateInfo> stages; // the fragment shader's is last
     for (Source &source : sources) {
         if (source.original.empty())
             continue;

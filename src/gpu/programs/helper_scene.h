@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two instances without micromaps, for rays that are to run a shader of a hit group whatever the scene is: a ray along
-// -z from (0, 0, 1) hits a triangle, one from (10, 0, 1) a box, both non-opaque.
+// Two instances without micromaps, for rays that run a shader of a hit group in any scene: a ray along -z from (0, 0,
+// 1) hits a triangle, one from (10, 0, 1) a box, both non-opaque.
 #pragma once
 
 #include "gpu/scene.h"

@@ -33,7 +33,7 @@ public:
     virtual void bind(VkCommandBuffer commands) const = 0;
     // Runs the shader for each number below `count`, for some perhaps repeatedly.
     virtual void launch(VkCommandBuffer commands, uint32_t count) const = 0;
-    // The scene that launcher.rgen traces; 0 where there is none.
+    // The scene that launcher.rgen traces; 0 if none.
     [[nodiscard]] virtual VkDeviceAddress helperScene() const { return 0; }
 };
 

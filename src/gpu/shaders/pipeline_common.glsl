@@ -14,7 +14,7 @@ struct Candidate { // an any-hit invocation
     float v;
 };
 
-struct Note { // beside each candidate
+struct Note { // one for each candidate
     uint flags;
     uint hitKind;
     uint record; // recordRead()
@@ -32,13 +32,13 @@ struct Visit { // an invocation of an intersection shader
     float tMin;
 };
 
-struct More { // beside each result
+struct More { // one for each result
     uint visits;
     uint hitKind;
     uint record;
     uint invocations; // closest-hit and miss shaders, together
     uint intact;
-    uint called; // what the callable shader read in its record
+    uint called; // read by the callable shader in its record
     uint pad0, pad1;
 };
 

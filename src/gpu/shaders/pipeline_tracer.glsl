@@ -155,7 +155,7 @@ void main()
     else
         TRACE(ray, ray.flags);
 #elif defined(IN_FUNCTION)
-    // Once, by what the compiler cannot know.
+    // Adds one bit that the compiler cannot predict.
     for (uint i = 0u; i < 4u; ++i) {
         const uint bit = i == 0u ? 0x0fu : i == 1u ? 0xf0u : i == 2u ? 0x300u : 0xffffffffu;
         if (i + 1u == max(ray.cullMask / 0x3fu, 1u))

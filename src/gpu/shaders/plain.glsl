@@ -18,7 +18,7 @@ void main()
 #elif defined(VERTEX)
 void main()
 {
-    // One triangle over everything.
+    // One triangle that covers everything.
     const vec2 corner = vec2(gl_VertexIndex == 1 ? 3.0 : -1.0, gl_VertexIndex == 2 ? 3.0 : -1.0);
     gl_Position = vec4(corner, 0.0, 1.0);
 }

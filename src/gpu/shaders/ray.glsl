@@ -13,7 +13,7 @@ struct Ray {
 
 struct Result {
     uint candidates;
-    uint flags; // as the shader reads them
+    uint flags; // flags that the shader reads
     uint committed;
     uint customIndex;
     uint instance;
@@ -26,7 +26,7 @@ struct Result {
     uint frontFace; // 1: front; of ray queries also 16: not consistent; record offset << 8
 };
 
-// Which candidates a shader confirms.
+// The candidates that a shader confirms.
 const uint kNever = 0u;
 const uint kAlways = 1u;
 const uint kHash = 2u;

@@ -7,7 +7,8 @@ layout(constant_id = 0) const uint kFlags = 0u;
 const uint kForce2State = gl_RayFlagsForceOpacityMicromap2StateEXT;
 #define FLAGS(ray) kFlags
 #elif defined(RAY_FLAGS) && (RAY_FLAGS & 0x400) != 0
-// By its name, for which newer compilers declare the capability; newer validators miss it where the flag is a constant.
+// Uses the name of the flag, for which newer compilers declare the capability. Newer validators require it where the
+// flag is a constant.
 #define FLAGS(ray) (uint(RAY_FLAGS) | gl_RayFlagsForceOpacityMicromap2StateEXT)
 #elif defined(RAY_FLAGS)
 #define FLAGS(ray) uint(RAY_FLAGS)

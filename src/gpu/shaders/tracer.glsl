@@ -85,7 +85,7 @@ bool near(vec3 a, vec3 b)
 }
 #endif
 
-// One candidate. These are macros because a query may be an element of an array.
+// The work for one candidate. These are macros because a query may be an element of an array.
 #define CANDIDATE(query)                                                                                               \
     Candidate c;                                                                                                       \
     c.customIndex = uint(rayQueryGetIntersectionInstanceCustomIndexEXT(query, false));                                 \

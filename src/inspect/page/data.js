@@ -19,7 +19,7 @@ async function inflate(bytes) {
   return new Response(stream).arrayBuffer();
 }
 
-// Where a point with barycentrics (u, v) is on the curve of a level: curve.h's curveIndex.
+// The position of a point with barycentrics (u, v) on the curve of a level: curveIndex of curve.h.
 function spreadBits(x) {
   x = (x | (x << 8)) & 0x00ff00ff;
   x = (x | (x << 4)) & 0x0f0f0f0f;

@@ -8,7 +8,7 @@ function parseColor(text) {
 }
 const stateColors = facts.stateColors.map(parseColor);
 
-// Pixels of a tile that nobody has taken yet. Each row is a forest: a taken pixel leads to one further on.
+// Pixels of a tile that are still free. Each row is a forest: a taken pixel leads to one further on.
 class FreePixels {
   constructor() {
     this.next = new Uint16Array((tileSize + 1) * tileSize);
@@ -119,7 +119,7 @@ function paintPixel(model, s, px, py, shown, outlines, out) {
   out[3] = alpha;
 }
 
-// A generator that yields now and then, so that whoever runs it can stop in time; it returns an ImageData, or null for
+// A generator that yields now and then, so that its caller can stop in time; it returns an ImageData, or null for
 // a tile with nothing in it. The tile's corner is at (column, row) * tileSize pixels of `scale` pixels for 1 of u or v.
 function* rasterTile(model, index, column, row, scale, shown, outlines) {
   const left = (column * tileSize) / scale, top = (row * tileSize) / scale;

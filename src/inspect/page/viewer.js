@@ -17,7 +17,7 @@ class Viewer {
     this.overview = null; // the one that shows everything
     this.center = [0.5, 0.5];
     this.scale = 100; // pixels of the canvas for 1 of u or v
-    this.frameAsked = false;
+    this.frameRequested = false;
     this.keyboard = false;
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
     this.listen();
@@ -80,9 +80,9 @@ class Viewer {
     this.untouched = false;
     const extent = Math.max(bounds.right - bounds.left, bounds.bottom - bounds.top, 1e-9);
     this.center = [(bounds.left + bounds.right) / 2, (bounds.top + bounds.bottom) / 2];
-    const room = 1 + 2 * margin;
+    const scale = 1 + 2 * margin;
     this.setScale(Math.min(this.canvas.width / Math.max(bounds.right - bounds.left, extent * 1e-3),
-                           this.canvas.height / Math.max(bounds.bottom - bounds.top, extent * 1e-3)) / room);
+                           this.canvas.height / Math.max(bounds.bottom - bounds.top, extent * 1e-3)) / scale);
     this.draw();
   }
 
@@ -109,7 +109,7 @@ class Viewer {
     this.draw();
   }
 
-  // Where the canvas's corner is in the plane, in whole pixels, so that tiles are aligned to pixels.
+  // The position of the canvas's corner in the plane, in whole pixels, so that tiles are aligned to pixels.
   corner() {
     return [Math.round(this.center[0] * this.scale - this.canvas.width / 2),
             Math.round(this.center[1] * this.scale - this.canvas.height / 2)];
@@ -123,10 +123,10 @@ class Viewer {
   // --- drawing ---
 
   draw() {
-    if (this.frameAsked || !this.index) return;
-    this.frameAsked = true;
+    if (this.frameRequested || !this.index) return;
+    this.frameRequested = true;
     requestAnimationFrame(() => {
-      this.frameAsked = false;
+      this.frameRequested = false;
       this.frame();
     });
   }
@@ -186,7 +186,7 @@ class Viewer {
       for (let u = u0; u <= u1; ++u) this.drawTexture(source, u, v, left, top);
   }
 
-  // The part of one repetition of the texture that is visible; with clamping, its outermost texels beside it.
+  // Draws the visible part of one repetition of the texture; with clamping, also its outermost texels beyond the edge.
   drawTexture(source, u, v, left, top) {
     const axis = (cell, corner, size, texels, wrap) => {
       const start = wrap === "clamp" && cell < 0 ? 0 : Math.max(0, cell * this.scale - corner);

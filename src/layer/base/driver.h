@@ -38,7 +38,7 @@ struct EnabledFeatures {
     [[nodiscard]] bool everyQueryUsesMicromaps() const { return ext; }
 };
 
-// What the layer does on a device.
+// The implementation of micromaps on a device.
 enum class Mode {
     PassThrough, // nothing, except by assume_micromaps: commands go to the next layer
     Identifiers, // the same, but shader module identifiers are those that emulated devices have

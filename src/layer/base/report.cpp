@@ -34,7 +34,7 @@ std::string publicId(std::string_view id)
     return id.starts_with("VUID") ? std::string("VELLUM") + "-" + std::string(id) : std::string(id);
 }
 
-// Messages are rare: the file is opened for each, and whoever reads it may move or remove it at any time.
+// Messages are rare: the file is opened for each, and its readers may move or remove it at any time.
 void append(const std::string &file, std::string line)
 {
     std::ranges::replace(line, '\n', ' ');
@@ -43,7 +43,7 @@ void append(const std::string &file, std::string line)
         std::fprintf(stderr, "vellum: %s cannot be written\n", file.c_str());
 }
 
-// Of this thread. It has no destructor: at the end of a thread, mingw-w64 frees thread_local objects before it destroys
+// Per thread. It has no destructor: at the end of a thread, mingw-w64 frees thread_local objects before it destroys
 // them.
 thread_local HeldMessages *held = nullptr;
 
@@ -52,7 +52,7 @@ std::string settingId()
     return std::string(kMessagePrefix) + "VELLUM-setting";
 }
 
-// Whether the process has not printed the text yet.
+// Returns whether the process has not printed the text yet.
 bool isNewFault(const std::string &text)
 {
     static std::mutex mutex;
@@ -66,7 +66,7 @@ bool isNewFault(const std::string &text)
 // A message as it is sent.
 struct Reporter::Sent {
     VkDebugUtilsMessageSeverityFlagBitsEXT severity;
-    std::string_view id, text; // that end with 0
+    std::string_view id, text; // null-terminated
     VkObjectType type = VK_OBJECT_TYPE_UNKNOWN;
     uint64_t object = 0;
     std::string_view objectName;

@@ -80,14 +80,14 @@ private:
     bool isWithinLimit(const std::string &id);
 
     ReportLevel level_ = ReportLevel::None;      // on stderr
-    ReportLevel levelAlone_ = ReportLevel::None; // the same while there is no messenger
+    ReportLevel levelAlone_ = ReportLevel::None; // as above, without a messenger
     bool strict_ = false;
-    std::string file_;   // that messages are appended to; empty: none
+    std::string file_;   // the file for messages; empty: none
     uint32_t limit_ = 0; // of messages with the same id; 0: none
     bool breakOnError_ = false;
     std::mutex mutex_;
     std::vector<Messenger> messengers_;
-    std::vector<std::string> settingFaults_; // that no messenger has got
+    std::vector<std::string> settingFaults_; // faults that no messenger has received
     std::unordered_map<uint64_t, std::string> names_;
     std::unordered_map<std::string, uint32_t> sent_; // messages of each id
 };

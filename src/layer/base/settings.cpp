@@ -35,7 +35,8 @@ struct Row {
 constexpr Row kRows[] = {VELLUM_SETTINGS(VELLUM_ROW)};
 #undef VELLUM_ROW
 
-// Variables with the prefix of settings that are none: those of the tests, of the Python module, and of `vellum run`.
+// Variables with the prefix of settings that are not settings: those of the tests, of the Python module, and of `vellum
+// run`.
 constexpr const char *kOtherVariables[] = {"TEST_",   "ORACLE_", "STRESS",  "LOWER_",
                                            "FORCING", "LIBRARY", "FAIL_ON", "REQUIRE_CHECKS"};
 
@@ -92,7 +93,7 @@ struct Given {
     [[nodiscard]] std::string is(const std::string &found) const { return key + " is " + found + " (" + origin + ")"; }
 };
 
-// Whether the setting is a limit of subdivision levels.
+// Returns whether the setting is a limit of subdivision levels.
 bool isLevel(uint32_t Settings::*setting)
 {
     return setting == &Settings::most2StateLevel || setting == &Settings::most4StateLevel ||

@@ -42,7 +42,7 @@ struct Settings {
     bool reportIsGiven = false;      // with any value
     std::vector<std::string> faults; // unknown names and wrong values, as messages
 
-    // Messages on stderr where nobody else gets them: with `validate`, unless `report` says otherwise.
+    // Messages on stderr if there is no other receiver: with `validate`, unless `report` says otherwise.
     [[nodiscard]] ReportLevel reportAlone() const
     {
         return reportIsGiven || !validate.any() ? report : ReportLevel::Warning;

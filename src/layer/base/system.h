@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the layer needs of the operating system. Texts and paths are UTF-8.
+// The layer's interface to the operating system. Texts and paths are UTF-8.
 #pragma once
 
 #include <cstddef>

@@ -17,7 +17,7 @@ namespace vellum::layer
 namespace
 {
 
-// As secure_getenv, which Android's C library lacks.
+// Implements secure_getenv, which Android's C library lacks.
 const char *variableOf(const char *name)
 {
     return getauxval(AT_SECURE) == 0 ? std::getenv(name) : nullptr;
@@ -46,7 +46,7 @@ std::vector<std::string> environmentNames()
     return names;
 }
 
-// By the XDG Base Directory Specification.
+// Follows the XDG Base Directory Specification.
 std::string userCacheFolder()
 {
     if (const char *folder = variableOf("XDG_CACHE_HOME"); folder && *folder == '/')

@@ -14,7 +14,7 @@ namespace vellum::layer
 namespace
 {
 
-// Of text that is not UTF-8, such as a path in a file of settings in another encoding: empty, which names no file.
+// Empty, which names no file, if the text is not UTF-8, such as a path in a settings file of another encoding.
 std::wstring wide(std::string_view text)
 {
     try {
@@ -24,7 +24,7 @@ std::wstring wide(std::string_view text)
     }
 }
 
-// Of text that is not UTF-16: empty.
+// Empty if the text is not UTF-16.
 std::string utf8(std::wstring_view text)
 {
     try {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What has to be undone if a later step fails.
+// An action that is undone if a later step fails.
 #pragma once
 
 #include <utility>

@@ -287,7 +287,7 @@ void cmdBeginConditionalRendering(DeviceCommandBuffers &device, VkCommandBuffer 
 void cmdEndConditionalRendering(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer)
 {
     if (const auto state = device.states.get(commandBuffer)) {
-        // Without one, vkCmdBeginConditionalRendering2EXT was rejected.
+        // If none is active, vkCmdBeginConditionalRendering2EXT was rejected.
         if (!state->conditionalRendering)
             return;
         state->conditionalRendering.reset();

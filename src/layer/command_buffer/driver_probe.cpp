@@ -30,7 +30,7 @@ public:
     Submission(const GpuContext &context, std::unique_ptr<Probe> probe) : context_(context), probe_(std::move(probe)) {}
     ~Submission()
     {
-        // Only after a timeout the probe may be incomplete here. The device is then being destroyed, and must be idle.
+        // The probe may be incomplete here only after a timeout. The device is then being destroyed, and must be idle.
         // If it is not, the objects that the GPU may still use are leaked.
         if (submitted_ && !done_)
             wait(kTimeout);
@@ -127,7 +127,7 @@ void ProbeQueue::choose(const GpuContext &context, Reporter &report, bool slow,
         const VkDeviceQueueInfo2 queueInfo{VK_STRUCTURE_TYPE_DEVICE_QUEUE_INFO_2, nullptr, queues.flags, family_, 0};
         context.next->GetDeviceQueue2(context.device, &queueInfo, &queue_);
     }
-    // Here, because no other thread has the queue yet.
+    // Done here, because no other thread has the queue yet.
     if (queue_)
         setLoaderData(context.device, queue_);
 }

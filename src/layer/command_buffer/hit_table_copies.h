@@ -49,7 +49,7 @@ private:
             return {memory.address(), bytes, memory.buffer(), memory.offset(), current};
         }
         Table table;
-        VkDeviceSize bytes = 0; // that were written
+        VkDeviceSize bytes = 0; // bytes written
         PooledMemory memory;
         bool isCurrent = false;
     };

@@ -185,7 +185,7 @@ VkPipelineStageFlags2 driverStage(VkPipelineStageFlags2 stage)
     return stage == VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT ? VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT : stage;
 }
 
-// Barriers of images cover accesses by the image only, of which reads of hit tables are none.
+// Barriers of images cover only accesses to the image; reads of hit tables are accesses to buffers.
 void cmdPipelineBarrier(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, VkPipelineStageFlags sources,
                         VkPipelineStageFlags targets, VkDependencyFlags flags, uint32_t memoryCount,
                         const VkMemoryBarrier *memory, uint32_t bufferCount, const VkBufferMemoryBarrier *buffers,

@@ -41,7 +41,8 @@ public:
     [[nodiscard]] std::optional<Found> find(const VkDeviceAddressRangeKHR &range, const Need &need) const;
     [[nodiscard]] std::optional<Found> find(const VkStridedDeviceAddressRangeKHR &range, const Need &need) const;
 
-    // Reports a violation, if validation has reported none of the command. Returns whether the command may be recorded.
+    // Reports a violation, unless validation has reported one for the command. Returns whether the command may be
+    // recorded.
     bool report(Severity severity, const char *id, const std::string &text) const;
 
 private:

@@ -23,7 +23,7 @@ private:
     std::mutex mutex_;
     GpuBuffer buffer_;
 };
-// Whether VK_NULL_HANDLE may be bound as index buffer on a device with this create info.
+// Returns whether VK_NULL_HANDLE may be bound as index buffer on a device with this create info.
 bool enablesNullIndexBuffer(const VkDeviceCreateInfo &info);
 
 // address_copies.cpp

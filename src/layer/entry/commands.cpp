@@ -38,12 +38,12 @@ enum class Scope {
     Shaders,        // these, devices of Mode::Identifiers, and those on which assume_micromaps counts
     Ext,            // emulated devices with VK_EXT_opacity_micromap
     Address,        // devices with the layer's VK_KHR_device_address_commands
-    AddressEnabled, // emulated and translated devices with VK_KHR_device_address_commands, whoever implements it
+    AddressEnabled, // emulated and translated devices with VK_KHR_device_address_commands, of the layer or the driver
 };
 
 // A command of base/commands.inc.
 struct Row {
-    const char *command; // as the registry describes it
+    const char *command; // name in the registry
     Scope scope;
     PFN_vkVoidFunction function;    // of the implementation; may be null
     PFN_vkVoidFunction validation;  // validates the command and calls the implementation; may be null
@@ -74,7 +74,7 @@ const Row *find(const char *name)
     return row != kRows.end() && row->command == command ? row : nullptr;
 }
 
-// Whether the layer intercepts a command on a device; `next` is the command of the next layer.
+// Returns whether the layer intercepts a command on a device; `next` is the command of the next layer.
 bool applies(Scope scope, const Driver &driver, PFN_vkVoidFunction next)
 {
     const bool provided = driver.providesMicromaps();
@@ -110,8 +110,9 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance handle, 
         return r && (r->scope == Scope::Instance || r->scope == Scope::Device) ? r->function : nullptr;
     Instance &instance = instanceOf(handle);
     const PFN_vkVoidFunction next = instance.next.GetInstanceProcAddr(handle, name);
-    const bool ours = r && (r->scope == Scope::Instance || r->scope == Scope::Device || r->scope == Scope::Debug);
-    if (ours && next)
+    const bool isLayerCommand =
+        r && (r->scope == Scope::Instance || r->scope == Scope::Device || r->scope == Scope::Debug);
+    if (isLayerCommand && next)
         return r->function;
     return next;
 }

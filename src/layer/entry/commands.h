@@ -9,7 +9,7 @@ namespace vellum::layer
 
 VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance instance, const char *name);
 VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice device, const char *name);
-// The same without validation: the implementation of micromaps, or the next layer.
+// As above, without validation: the implementation of micromaps, or the next layer.
 VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL implementationProcAddr(VkDevice device, const char *name);
 
 } // namespace vellum::layer

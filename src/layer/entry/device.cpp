@@ -26,7 +26,7 @@ namespace
 {
 
 PermanentRegistry<Device> devices;
-// Nothing is destroyed at the end of the process.
+// No destructor runs at the end of the process.
 static_assert(std::is_trivially_destructible_v<PermanentRegistry<Device>>);
 
 void reportDeviceError(Instance &instance, VkPhysicalDevice handle, const char *id, const std::string &text)
@@ -46,7 +46,7 @@ Mode modeOf(const VkDeviceCreateInfo &info, const Implementations &have)
     return identifiers && have.mixesIdentifiers() ? Mode::Identifiers : Mode::PassThrough;
 }
 
-// Whether the application enables anything whose implementation depends on the layer.
+// Returns whether the application enables anything whose implementation depends on the layer.
 bool dependsOnLayer(const VkDeviceCreateInfo &info)
 {
     for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
@@ -132,8 +132,8 @@ VkResult checkExtensions(Instance &instance, VkPhysicalDevice handle, const VkDe
     return VK_ERROR_EXTENSION_NOT_PRESENT;
 }
 
-// Whether a device consists of several physical devices. Each would have its own instance of the layer's tables, which
-// the host could not map (VUID-vkMapMemory-memory-00683).
+// Returns whether a device consists of several physical devices. Each would have its own instance of the layer's
+// tables, which the host could not map (VUID-vkMapMemory-memory-00683).
 bool isGroup(const VkDeviceCreateInfo &info)
 {
     const auto *group =
@@ -215,7 +215,8 @@ public:
     VkResult create(const NextLayer &next, const VkAllocationCallbacks *allocator, VkDevice *handle);
     // Creates what the layer needs on it.
     VkResult start();
-    // Creates the validation of the device, whose commands can be found by now. Without memory there is none.
+    // Creates the validation of the device, whose commands can be found by now. Without memory the device has no
+    // validation.
     void startValidation(Device &added) const;
 
     std::unique_ptr<Device> device = std::make_unique<Device>();
@@ -224,7 +225,7 @@ private:
     VkResult prepareEmulation();
     VkResult prepareTranslation();
     VkResult startEmulation();
-    // As the application sees them.
+    // The limits as the application sees them.
     [[nodiscard]] RuleLimits ruleLimits(const EnabledFeatures &enabled) const;
 
     Instance &instance_;
@@ -459,7 +460,7 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
         device.reset();
         destroy(handle, allocator);
     });
-    reportGpuErrors(device->objects, 0); // those that validation has not
+    reportGpuErrors(device->objects, 0); // errors that validation has not reported
 }
 
 bool forgetDevices(const Instance &instance)

@@ -40,7 +40,7 @@ Device &deviceOf(DispatchableHandle handle)
     return *deviceOfKey(dispatchKey(handle));
 }
 
-// Whether an object of a device of the instance was created by the layer: the driver does not know its handle.
+// Returns whether an object of a device of the instance was created by the layer: the driver does not know its handle.
 bool isLayerObject(const Instance &instance, VkObjectType type, uint64_t handle);
 
 // Forgets the devices that are alive when their instance is destroyed, and returns whether there were any. Neither they

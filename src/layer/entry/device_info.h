@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// VkDeviceCreateInfo: what the application enables, and what the driver is asked for instead.
+// VkDeviceCreateInfo: what the application enables, and what the layer requests of the driver instead.
 #pragma once
 
 #include <vector>
@@ -18,7 +18,7 @@ bool enablesExtension(const VkDeviceCreateInfo &info, const char *extension);
 
 EnabledFeatures enabledFeatures(const VkDeviceCreateInfo &info);
 
-// Whether the application captures and replays device addresses.
+// Returns whether the application captures and replays device addresses.
 bool enablesAddressReplay(const VkDeviceCreateInfo &info);
 
 // The create info that the driver gets: without what the layer provides, and with what the layer needs. Clears

@@ -137,7 +137,7 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateInstanceLayerProperties(uint32_t *count,
     VkLayerProperties own{};
     std::strcpy(own.layerName, kLayerName);
     std::strcpy(own.description, kDescription);
-    own.specVersion = VK_MAKE_API_VERSION(0, 1, 4, 359); // as in the manifest
+    own.specVersion = VK_MAKE_API_VERSION(0, 1, 4, 359); // same as in the manifest
     own.implementationVersion = 1;
     return returnList<VkLayerProperties>({own}, count, properties);
 }

@@ -28,7 +28,7 @@ void *dispatchKey(DispatchableHandle handle)
 struct Instance : Registered<Instance> {
     VkInstance handle = VK_NULL_HANDLE;
     InstanceTable next;
-    bool isVulkan11 = false; // the application asks for Vulkan 1.1 or later
+    bool isVulkan11 = false; // the application requests Vulkan 1.1 or later
     Settings settings;
     Reporter report;
     std::mutex physicalDevicesMutex;                                                   // guards the next member

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the layer knows of a physical device. It is found once for each instance, when a command first needs it.
+// The layer's facts about a physical device. They are found once for each instance, when a command first needs them.
 #pragma once
 
 #include <array>
@@ -32,10 +32,11 @@ struct Implementations {
     // By the name of the extension; None for any other.
     [[nodiscard]] Implementation of(const char *extension) const;
     [[nodiscard]] bool anyEmulated() const;
-    // Whether all devices of the physical device have the layer's shader module identifiers: there is one algorithm.
+    // Returns whether all devices of the physical device have the layer's shader module identifiers: there is one
+    // algorithm.
     [[nodiscard]] bool mixesIdentifiers() const { return anyEmulated() && khr != Implementation::Translation; }
 };
-// Whether the layer provides the extension.
+// Returns whether the layer provides the extension.
 constexpr bool isProvided(Implementation implementation)
 {
     return implementation == Implementation::Emulation || implementation == Implementation::Translation;

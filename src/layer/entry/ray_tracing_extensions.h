@@ -2,7 +2,7 @@
 // Extensions of drivers that concern ray tracing: those that cannot be enabled together with the layer's micromaps, and
 // those that can.
 //
-// An extension that cannot is offered all the same: a device without micromaps may enable it. A device that enables
+// An extension that cannot is offered nevertheless: a device without micromaps may enable it. A device that enables
 // both is not created. Programs that enable every feature they know would then have no device, so a query of features
 // that names micromaps too returns false for such an extension: all features that one query returns can be enabled
 // together, and micromaps have precedence.
@@ -42,11 +42,11 @@ const ConflictingExtension *conflictingExtension(const VkDeviceCreateInfo &info,
 void clearConflictingFeatures(VkPhysicalDeviceFeatures2 &features, const Implementations &have,
                               const EnabledFeatures &named);
 
-// Whether an extension is for ray tracing, by its name, and newer than this version of the layer: it may build
+// Returns whether an extension is for ray tracing, by its name, and newer than this version of the layer: it may build
 // structures, or trace rays, in ways that the layer does not see.
 bool isUnknownRayTracing(const char *name);
 
-// Whether an enabled extension may build acceleration structures by commands of its own.
+// Returns whether an enabled extension may build acceleration structures by commands of its own.
 bool mayBuildOtherStructures(const VkDeviceCreateInfo &info);
 
 } // namespace vellum::layer

@@ -50,7 +50,7 @@ private:
 
 // Bytes that a build of a micromap needs.
 struct BuildNeeds {
-    VkDeviceSize micromap = 0; // as a query of sizes reports them
+    VkDeviceSize micromap = 0; // sizes as queries report them
     VkDeviceSize written = 0;  // at most; a smaller micromap would be overrun
     VkDeviceSize scratch = 0;
     bool discardable = false; // VkMicromapBuildSizesInfoEXT; false of every micromap that the layer implements

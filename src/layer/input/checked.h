@@ -22,7 +22,7 @@ public:
     Checked(const Checked &) = delete;
     Checked &operator=(const Checked &) = delete;
 
-    // The input with these arguments; `parse` parses and checks it, if nobody has.
+    // The input with these arguments; `parse` parses and checks it, unless that was done before.
     template <typename Parse>
     static Input take(const void *arguments, Parse parse)
     {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Objects as commands name them, and what rules ask about them.
+// Objects as commands name them, and the facts about them that rules use.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the subsystem khr_over_ext uses on a device: it translates VK_KHR_opacity_micromap for a driver that has only
+// The subsystem khr_over_ext on a device: it translates VK_KHR_opacity_micromap for a driver that has only
 // VK_EXT_opacity_micromap. Micromaps are the driver's. Devices that enable VK_KHR_opacity_micromap on such a driver use
 // this subsystem in place of emulation.
 #pragma once

@@ -22,7 +22,7 @@ constexpr VkDeviceSize kInputAlignment = 256;
 
 // --- micromaps ---
 
-// Whether the triangles must be copied, because the driver cannot read them in place.
+// Returns whether the triangles must be copied, because the driver cannot read them in place.
 bool mustBeMoved(const MicromapBuild &build)
 {
     return build.extent.triangles > 0 &&
@@ -118,7 +118,7 @@ public:
     };
     [[nodiscard]] const std::vector<Narrow> &narrow() const { return narrow_; }
     [[nodiscard]] StructureBuild &build() const { return build_; }
-    // Whether the driver could not create one of the micromaps.
+    // Returns whether the driver could not create one of the micromaps.
     [[nodiscard]] bool lacksMicromap() const { return lacksMicromap_; }
 
 private:

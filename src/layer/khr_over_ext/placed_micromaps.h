@@ -51,17 +51,17 @@ private:
     std::vector<VkMicromapUsageEXT> usages_;
 };
 
-// Whether the driver can have a micromap there. EXT requires that the offset is a multiple of 256, KHR that the address
-// is. Both are the same if buffers have such addresses. Otherwise, as on lavapipe, the address is sufficient, because
-// drivers work with addresses; other structures of vkCreateAccelerationStructure2KHR are passed to them in the same
-// way.
+// Returns whether the driver can have a micromap there. EXT requires that the offset is a multiple of 256, KHR that the
+// address is. Both are the same if buffers have such addresses. Otherwise, as on lavapipe, the address is sufficient,
+// because drivers work with addresses; other structures of vkCreateAccelerationStructure2KHR are passed to them in the
+// same way.
 bool allowsMicromapAt(const DeviceKhrOverExt &device, VkBuffer buffer, VkDeviceSize offset);
 // The driver's micromap of that size at the location of a structure; VK_NULL_HANDLE if it cannot be created.
 VkMicromapEXT micromapOfSize(DeviceKhrOverExt &device, const AccelerationStructure &structure, VkDeviceSize bytes);
 // What was recorded last at the structure's location. If nothing was: an unknown micromap of the greatest possible
 // size.
 PlacedMicromap lastMicromap(DeviceKhrOverExt &device, const AccelerationStructure &structure);
-// Whether the driver has made a micromap for the structure; reports that it could not.
+// Returns whether the driver has made a micromap for the structure; reports that it could not.
 bool checkDriverMicromap(const DeviceKhrOverExt &device, const char *command, const AccelerationStructure &structure,
                          VkMicromapEXT micromap);
 // Notes that a build or copy of a micromap is recorded into the structure.

@@ -47,7 +47,7 @@ public:
     // addresses. The one that the application got an address from is unknown, and any that fits will do, as long as its
     // owner is kept.
     [[nodiscard]] Location covering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const;
-    // The same, if no other buffer contains the range; otherwise null.
+    // As above, if no other buffer contains the range; otherwise null.
     [[nodiscard]] Location onlyCovering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const;
     // The buffer that contains the whole range, if no other buffer has a part of it; otherwise null.
     struct Only {

@@ -18,8 +18,8 @@ class Reporter;
 // those in tile memory, which can hold neither structures nor their inputs, get no additional usage, since theirs is
 // restricted (VUID-VkBufferCreateInfo-flags-09641, -usage-10764).
 VkFlags64 emulatedUsage(VkFlags64 usage, VkBufferCreateFlags flags);
-// The same if micromaps are translated: those of VK_KHR_opacity_micromap are acceleration structures, without usage
-// flags of their own.
+// The usage flags if micromaps are translated: those of VK_KHR_opacity_micromap are acceleration structures, without
+// usage flags of their own.
 VkFlags64 translatedUsage(VkFlags64 usage, VkBufferCreateFlags flags);
 
 // Replaces the usage flags in a structure and in its chain by those for the driver, and returns the flags that the

@@ -18,7 +18,7 @@ namespace vellum::layer
 
 struct BufferInfo {
     VkDeviceSize size = 0;
-    VkFlags64 usage = 0; // that the driver got
+    VkFlags64 usage = 0; // the driver's usage flags
     uint64_t number = 0; // unique on the device: unlike handles, numbers are not used again
 };
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How long the driver's buffers live. A command or structure that is given an address is recorded with a buffer that
-// contains it. Where buffers alias each other in memory that may not be the one that the application means, and the
+// The lifetime of the driver's buffers. A command or structure that has an address is recorded with a buffer that
+// contains it. If buffers alias each other in memory that may not be the one that the application means, and the
 // application may destroy it at any time: only memory must outlive commands by address. So each command buffer and
 // structure that uses a buffer found by its address shares the ownership with the application, and the last owner
 // destroys the buffer.
@@ -23,13 +23,13 @@ public:
     DriverBuffer(const DriverBuffer &) = delete;
     DriverBuffer &operator=(const DriverBuffer &) = delete;
 
-    // By the application. Without it, the destructor leaves the driver's buffer alone.
+    // Called when the application destroys the buffer. Without it, the destructor leaves the driver's buffer alone.
     void destroy() { destroyed_ = true; }
 
 private:
     DeviceBuffers &device_;
     const VkBuffer handle_;
-    bool destroyed_ = false; // written by an owner, read when there is none left
+    bool destroyed_ = false; // written by an owner, read when no owner is left
 };
 
 } // namespace vellum::layer

@@ -23,7 +23,7 @@ public:
     static constexpr size_t kAlignment = 65536; // of addresses, and of sizes
     static constexpr size_t kMostBytes = size_t{1} << 24;
 
-    // Reserves at most kMostBytes, zeroed. False if none of the addresses is free.
+    // Reserves at most kMostBytes, zeroed. Returns false if none of the addresses is free.
     bool reserve(size_t bytes);
     // Null before reserve() succeeded.
     [[nodiscard]] std::byte *data() const { return data_; }

@@ -28,7 +28,7 @@ struct GpuContext {
     bool replaysAddresses = false; // bufferDeviceAddressCaptureReplay is enabled, and not by the application
 };
 
-// What places a buffer at its earlier address (VkBufferOpaqueCaptureAddressCreateInfo and
+// The values that create a buffer at its earlier address (VkBufferOpaqueCaptureAddressCreateInfo and
 // VkMemoryOpaqueCaptureAddressAllocateInfo).
 struct ReplayAddress {
     uint64_t buffer = 0; // 0: not known

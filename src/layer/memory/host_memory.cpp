@@ -136,7 +136,7 @@ HostView::HostView(DeviceBuffers &device, VkBuffer buffer, VkDeviceSize offset, 
     memory_ = binding->second.memory;
     const VkDeviceSize begin = binding->second.offset + offset;
     if (begin < memory.first || begin > memory.last || bytes > memory.last - begin)
-        return; // the application has mapped another part, in a way that only the driver can
+        return; // the application has mapped another part, by a command that only the driver supports
     bytes_ = memory.mapped + begin;
     if ((memory.properties & VK_MEMORY_PROPERTY_HOST_COHERENT_BIT) == 0 && bytes > 0) {
         VkPhysicalDeviceProperties properties{};

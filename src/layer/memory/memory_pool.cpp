@@ -14,7 +14,7 @@ namespace
 
 constexpr VkDeviceSize kLeastBlock = VkDeviceSize{1} << 20;
 constexpr VkDeviceSize kMostSpare = VkDeviceSize{256} << 20; // in a block, beyond the piece it is created for
-constexpr VkDeviceSize kMostUnused = VkDeviceSize{64} << 20; // in blocks that nobody uses, except the largest
+constexpr VkDeviceSize kMostUnused = VkDeviceSize{64} << 20; // in unused blocks, except the largest
 
 } // namespace
 

@@ -38,7 +38,7 @@ public:
     // The content of the piece is undefined.
     Piece take(VkDeviceSize bytes);
     void giveBack(const Piece &piece);
-    // Frees the blocks that nobody uses.
+    // Frees the unused blocks.
     void trim();
 
 private:
@@ -68,12 +68,12 @@ private:
     std::mutex mutex_; // guards what is below
     std::map<VkDeviceAddress, Block> blocks_;
     VkDeviceSize total_ = 0;
-    VkDeviceSize unused_ = 0; // in blocks that nobody uses
+    VkDeviceSize unused_ = 0; // in unused blocks
     Free free_;               // never adjacent within a block
     std::set<std::pair<VkDeviceSize, VkDeviceAddress>> freeBySize_;
 };
 
-// A piece that its destructor gives back.
+// A piece that its destructor frees.
 class PooledMemory
 {
 public:

@@ -28,9 +28,9 @@ public:
     // Called once the commands are gone. Keeps the last piece for the next ones, unless it is large: then other command
     // buffers can use it.
     void reset();
-    // Whether commands share the memory; set while none is recorded. Of a command buffer with
-    // VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT two executions may be in different commands at once, and the
-    // barriers of one do not order those of the other.
+    // Sets whether commands share the memory; called while none is recorded. Two executions of a command buffer with
+    // VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT may be in different commands at once, and the barriers of one do not
+    // order those of the other.
     void setShared(bool shared) { shared_ = shared; }
     // Keeps nothing.
     void release();

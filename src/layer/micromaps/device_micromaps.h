@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the subsystem of micromaps uses on a device: builds, copies, host commands and serialization of emulated
-// micromaps, and the input of both extensions.
+// The subsystem of micromaps on a device: builds, copies, host commands and serialization of emulated micromaps, and
+// the input of both extensions.
 #pragma once
 
 #include "layer/command_buffer/device_command_buffers.h"

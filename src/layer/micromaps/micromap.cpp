@@ -24,7 +24,7 @@ VkResult createMicromap(DeviceMicromaps &device, VkDevice, const VkMicromapCreat
     if (!creation.accepted)
         return VK_ERROR_VALIDATION_FAILED_EXT;
     const bool replayable = creation.replays && device.driver.enabled.captureReplay;
-    // The address of a micromap follows from that of its buffer, which the driver was asked to replay.
+    // The address of a micromap follows from that of its buffer, which the driver replays.
     if (replayable && info->deviceAddress != 0 &&
         info->deviceAddress != device.driver.bufferAddress(info->buffer) + info->offset) {
         device.driver.report().error(

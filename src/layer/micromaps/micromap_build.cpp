@@ -323,7 +323,7 @@ private:
         return std::any_of(builds_.begin(), builds_.end(), predicate);
     }
 
-    // One shader for every build, then a barrier. `invocations(build)`: 0 if the build does not need the stage.
+    // Runs one shader for every build, then a barrier. `invocations(build)`: 0 if the build does not need the stage.
     template <typename Invocations>
     void stage(InjectedShader shader, Invocations invocations, uint32_t groupSize = 64, uint32_t flags = 0)
     {

@@ -43,8 +43,8 @@ void move(InjectedWork &work, const Driver &driver, MicromapMovePush push)
     work.barrier(true);
 }
 
-// Whether the memory is smaller than any micromap, as it is if the application creates it by a failed size query, which
-// returns 0. No shader may read its header.
+// Returns whether the memory is smaller than any micromap, as it is if the application creates it by a failed size
+// query, which returns 0. No shader may read its header.
 bool tooSmall(const Micromap &micromap)
 {
     return micromap.size < kMicromapHeaderWords * 4;

@@ -24,7 +24,7 @@ void recordMicromapCopy(DeviceMicromaps &device, VkCommandBuffer commandBuffer, 
                         const Micromap &source, const Micromap &target);
 void recordMicromapSave(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const Micromap &source,
                         VkDeviceAddress target);
-// What data that is not a serialized micromap does: it leaves the target empty, with a message, or unchanged.
+// The effect of data that is not a serialized micromap: the target becomes empty, with a message, or is unchanged.
 enum class InvalidData { ClearsTarget, KeepsTarget };
 void recordMicromapRestore(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const Micromap &target,
                            VkDeviceAddress source, InvalidData invalid = InvalidData::ClearsTarget);

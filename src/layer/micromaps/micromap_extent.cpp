@@ -83,8 +83,8 @@ MicromapExtent extentOf(const input::UsageCounts &usages, VkBuildMicromapFlagsEX
     // Without data there is nothing to save. Data offsets of triangles have 32 bits; a larger lossy build is built
     // without losses, which is allowed.
     extent.lossy = (flags & kLossyBuild) != 0 && extent.units > 0 && extent.coarsenedBytes() <= UINT32_MAX;
-    // Sharing reads all data twice more, so that compaction has something to save. No frame was found that is faster
-    // with it (bench/results/lavapipe.md): PREFER_FAST_TRACE does not ask for it. The size matters in lossy builds too.
+    // Sharing reads all data twice more, so that compaction can save memory. No frame was found that is faster with it
+    // (bench/results/lavapipe.md), so PREFER_FAST_TRACE does not enable it. The size matters in lossy builds too.
     const bool compacts = (flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0 &&
                           (flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0;
     extent.share = (compacts || extent.lossy) && extent.triangles > 0 && extent.triangles <= kMostSharing;

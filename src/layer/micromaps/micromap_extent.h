@@ -12,7 +12,7 @@
 namespace vellum::layer
 {
 
-// In MicromapBuild::flags: the build is lossy. Only VK_KHR_opacity_micromap has the flag.
+// A flag in MicromapBuild::flags: the build is lossy. Only VK_KHR_opacity_micromap has the flag.
 inline constexpr VkBuildMicromapFlagsEXT kLossyBuild = 0x400;
 
 // Number of blocks of triangles.
@@ -43,7 +43,7 @@ struct MicromapExtent {
     // The coarsened micromap of a lossy build: its offset in the scratch memory, after everything else, and its bytes.
     [[nodiscard]] uint64_t coarsenedOffset() const;
     [[nodiscard]] uint64_t coarsenedBytes() const;
-    // Whether the build's shaders can count its triangles and units.
+    // Returns whether the build's shaders can count its triangles and units.
     [[nodiscard]] bool countable() const;
 };
 MicromapExtent extentOf(const input::UsageCounts &usages, VkBuildMicromapFlagsEXT flags);

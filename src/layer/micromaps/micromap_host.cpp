@@ -160,7 +160,7 @@ VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR 
     const View target(device, info->dst, std::max(used, kHeaderBytes), HostView::For::Writing);
     if (!source.bytes() || !target.bytes())
         return VK_ERROR_OUT_OF_HOST_MEMORY;
-    // As the device does it (shaders/micromaps/micromap_move.comp).
+    // Same rule as on the device (shaders/micromaps/micromap_move.comp).
     const uint64_t written = std::min(used, capacity);
     if (target.bytes() < source.bytes() + written && source.bytes() < target.bytes() + written) {
         reportCopy(device, kOverlap, info->dst);

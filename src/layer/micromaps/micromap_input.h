@@ -18,7 +18,7 @@ namespace vellum::layer
 
 struct AccelerationStructure;
 
-// What emulation can build.
+// The builds that emulation supports.
 inline constexpr MicromapSupport kEmulatedSupport{{shared::kMaxSubdivisionLevel, shared::kMaxSubdivisionLevel,
                                                    shared::kMaxSubdivisionLevel, shared::kMaxMicromapTriangles},
                                                   true};
@@ -26,7 +26,7 @@ inline constexpr MicromapSupport kEmulatedSupport{{shared::kMaxSubdivisionLevel,
 struct MicromapBuild {
     Micromap target;                                  // null for a query of sizes
     std::shared_ptr<AccelerationStructure> structure; // the target, in VK_KHR_opacity_micromap
-    VkDeviceSize bytes = 0;                           // that the build writes at most
+    VkDeviceSize bytes = 0;                           // the most that the build writes
     VkBuildMicromapFlagsEXT flags = 0;                // may hold kLossyBuild
     std::vector<VkMicromapUsageEXT> usages;           // only counts above 0; unknown formats count as 4-state
     MicromapExtent extent;
@@ -37,7 +37,7 @@ struct MicromapBuild {
 };
 // The build without its target.
 MicromapBuild micromapBuildOf(const input::MicromapBuild &given);
-// What an emulated build needs; nullopt: its shaders cannot count its triangles or units.
+// The memory that an emulated build needs; nullopt: its shaders cannot count its triangles or units.
 std::optional<input::BuildNeeds> emulatedNeeds(const input::MicromapBuild &build);
 
 // The size of a micromap as queries report it. It marks GENERIC structures that are created for micromaps.

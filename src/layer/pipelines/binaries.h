@@ -44,8 +44,8 @@ VkResult getShaderBinaryData(DevicePipelines &, VkDevice, VkShaderEXT, size_t *,
 // The binaries that a pipeline is created from, or null. The code of its stages is ignored then, and may be missing.
 const VkPipelineBinaryInfoKHR *binariesOf(const void *pNext);
 
-// How hidden ray flags travel in the ray tracing pipeline that the binaries come from. They travel in the same way in
-// one that is created from the binaries.
+// How hidden ray flags are passed in the ray tracing pipeline that the binaries come from. They are passed in the same
+// way in one that is created from the binaries.
 HiddenInBinary hiddenFlagsIn(const DevicePipelines &device, const VkPipelineBinaryInfoKHR &info);
 
 VkResult createPipelineBinaries(DevicePipelines &, VkDevice, const VkPipelineBinaryCreateInfoKHR *,

@@ -54,7 +54,7 @@ struct DevicePipelines {
     DeviceState &objects;
     DeviceCommandBuffers &commands;
     HandleMap<VkShaderModule, std::shared_ptr<const RayTracingModule>> rayTracingModules{};
-    HandleMap<VkPipeline, std::shared_ptr<RayTracingPipeline>> rayTracingPipelines{}; // those that use micromaps
+    HandleMap<VkPipeline, std::shared_ptr<RayTracingPipeline>> rayTracingPipelines{}; // pipelines that use micromaps
     // Libraries of drivers with micromaps of their own, to which the setting assume_micromaps did not add the bit.
     using Flagged = HandleMap<VkPipeline, bool>;
     Flagged librariesWithoutMicromaps{};

@@ -96,7 +96,7 @@ SharedWords translateShader(DevicePipelines &device, std::span<const uint32_t> w
         warnOfQueries(
             device, words,
             "a shader has ray queries and no execution mode OpacityMicromapIdKHR: on this device, whose driver has "
-            "VK_EXT_opacity_micromap, they use micromaps all the same; on others, every hit on geometry with "
+            "VK_EXT_opacity_micromap, they use micromaps nevertheless; on others, every hit on geometry with "
             "micromaps is non-opaque");
     return wordsOf(std::move(result));
 }

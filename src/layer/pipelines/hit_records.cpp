@@ -16,7 +16,7 @@ using Region = VkStridedDeviceAddressRegionKHR;
 // Capacity for the hit records of an indirect command, whose number only the GPU knows.
 constexpr uint32_t kIndirectCapacity = 16 * 1024 * 1024;
 constexpr uint32_t kIndirectThreads = 4096;
-constexpr uint32_t kBytesOfThread = 128; // that each thread of hit_records.comp copies
+constexpr uint32_t kBytesOfThread = 128; // copied by each thread of hit_records.comp
 constexpr uint32_t kRecordsOfThread = 8; // where the driver has copied them
 // The driver copies larger tables. A smaller one is copied faster by the shader, with a barrier less.
 constexpr VkDeviceSize kLeastTransfer = 16 * 1024;

@@ -52,7 +52,7 @@ private:
 spirv::PayloadTypes payloadTypes(const DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
                                  std::vector<std::optional<spirv::TypeWords>> &incoming);
 
-// How the stages of one pipeline are rewritten.
+// The rewrite parameters of the stages of one pipeline.
 struct StageRewrite {
     spirv::HiddenFlags hidden;                             // its payload: that of rays whose group declares none
     std::vector<std::optional<spirv::TypeWords>> payloads; // payloadTypes()
@@ -97,8 +97,8 @@ private:
     RewrittenModules &modules_;
     StageRewrite rewrite_;
     std::map<Key, uint32_t> index_;         // into stages
-    std::vector<LibraryStage> namedStages_; // that groups may name: the application's, then those of libraries
-    uint32_t driverStages_ = 0;             // those of libraries included
+    std::vector<LibraryStage> namedStages_; // stages that groups may name: the application's, then those of libraries
+    uint32_t driverStages_ = 0;             // including those of libraries
 };
 
 } // namespace vellum::layer

@@ -35,7 +35,7 @@ public:
     VkResult add(const VkRayTracingPipelineCreateInfoKHR &info, bool accepted);
     // The driver's.
     [[nodiscard]] const std::vector<VkRayTracingPipelineCreateInfoKHR> &infos() const { return infos_; }
-    // How the ray flags of the last pipeline travel.
+    // How the ray flags of the last pipeline are passed.
     [[nodiscard]] HiddenInBinary hidden() const;
     // Returns whether the driver's create infos differ from the application's, or finish() has anything to do.
     [[nodiscard]] bool changed() const;
@@ -52,7 +52,7 @@ private:
     struct Kept {
         std::shared_ptr<RayTracingPipeline> record; // null without micromaps
         RecordEntry entry;                          // of the record
-        // For a library that librariesWithoutMicromaps gets.
+        // A library's pipeline for use in pipelines without micromaps, kept in librariesWithoutMicromaps.
         DevicePipelines::Flagged::Entry withoutMicromaps;
         std::vector<uint32_t> ownAnyHitGroups;
     };

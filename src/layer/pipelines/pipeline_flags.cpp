@@ -21,7 +21,7 @@ VkFlags64 unknownPipelineFlags(const Driver &driver)
 bool changePipelineFlags(const Driver &driver, const void *&pNext, VkPipelineCreateFlags &flags, VkFlags64 removed,
                          VkFlags64 added, std::deque<Chain> &chains, const char *command)
 {
-    // Also where VkPipelineCreateFlags2CreateInfo replaces them: a driver may reject unknown flags all the same.
+    // Also if VkPipelineCreateFlags2CreateInfo replaces them: a driver may reject unknown flags nevertheless.
     flags = static_cast<VkPipelineCreateFlags>((flags & ~removed) | added);
     const auto *flags2 = findInChain<VkPipelineCreateFlags2CreateInfoKHR>(
         pNext, VK_STRUCTURE_TYPE_PIPELINE_CREATE_FLAGS_2_CREATE_INFO_KHR);

@@ -20,7 +20,7 @@ inline constexpr VkFlags64 kMicromapPipelineFlags =
     VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT | VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM |
     VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
 
-// Those of kMicromapPipelineFlags that the driver does not know.
+// The flags of kMicromapPipelineFlags that the driver does not know.
 VkFlags64 unknownPipelineFlags(const Driver &driver);
 
 // Removes and adds flags in a create info, with a copy of its VkPipelineCreateFlags2CreateInfo in `chains` if that

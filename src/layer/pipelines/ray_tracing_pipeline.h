@@ -21,7 +21,7 @@ struct DevicePipelines;
 
 inline constexpr uint32_t kGroupHandleBytes = 32; // shaderGroupHandleSize is always this
 
-// How hidden ray flags travel in the code of a pipeline (spirv::HiddenFlags).
+// How hidden ray flags are passed in the code of a pipeline (spirv::HiddenFlags).
 struct HiddenInBinary {
     bool known = false;
     uint32_t fixed = 0;
@@ -31,13 +31,13 @@ struct HiddenInBinary {
 // A stage of a library, which groups of pipelines that link it may name.
 struct LibraryStage {
     uint32_t driverStage = 0;                // its index in the driver's library
-    std::optional<spirv::TypeWords> payload; // that it is called with (payloadTypes() in micromap_stages.h)
+    std::optional<spirv::TypeWords> payload; // the payload of its calls (payloadTypes() in micromap_stages.h)
 };
 
 // A pipeline that uses micromaps.
 struct RayTracingPipeline {
     uint32_t ownGroups = 0; // groups of the create info; those of libraries follow
-    // In the driver's pipeline the layer's hit group, which replaces null handles, follows ownGroups.
+    // True if the driver's pipeline has the layer's hit group, which replaces null handles, after ownGroups.
     bool hasNullGroup = false;
     PooledMemory standIn;         // hit record with that group's handle
     bool hasBoxes = false;        // has procedural hit groups, including those of libraries

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the subsystem of query pools uses on a device: pools whose results the layer writes or corrects.
+// The subsystem of query pools on a device: pools whose results the layer writes or corrects.
 #pragma once
 
 #include "layer/query_pool/query_pool.h"

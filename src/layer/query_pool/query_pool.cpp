@@ -123,7 +123,7 @@ VkResult createMicromapPool(const DeviceQueryPools &device, const VkQueryPoolCre
     return device.driver.next.CreateQueryPool(device.driver.handle, &micromaps, nullptr, &result);
 }
 
-// Whether a command's queries are all in the pool.
+// Returns whether a command's queries are all in the pool.
 bool checkQueries(const DeviceQueryPools &device, const QueryPool &pool, uint32_t first, uint64_t count,
                   const char *command)
 {
@@ -135,7 +135,7 @@ bool checkQueries(const DeviceQueryPools &device, const QueryPool &pool, uint32_
     return false;
 }
 
-// Comes after the values, so that whoever sees that a query is available sees its value.
+// Comes after the values, so that a reader that sees the query available also sees its value.
 void makeAvailable(InjectedWork &work, const DeviceQueryPools &device, VkCommandBuffer commandBuffer,
                    const QueryPool &pool, uint32_t first, uint32_t count)
 {
@@ -163,7 +163,7 @@ bool findProperties(const DeviceQueryPools &device, const input::PropertyQuery &
                                            std::string(kWriteProperties) + ": pAccelerationStructures[" +
                                                std::to_string(i) +
                                                "] is of type GENERIC, and nothing was recorded into it so far: it is "
-                                               "taken for no micromap");
+                                               "treated as not a micromap");
         const uint32_t q = query.first + i;
         properties.push_back({pool.type, *structure, micromap.value_or(false), pool.memory.buffer(),
                               pool.valueInBuffer(q), pool.valueAddress(q), pool.micromaps, q});

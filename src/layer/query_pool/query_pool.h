@@ -32,7 +32,7 @@ struct QueryPool {
 
     [[nodiscard]] VkDeviceAddress valueAddress(uint32_t query) const { return memory.address() + query * 8ull; }
     [[nodiscard]] VkDeviceSize availabilityOffset(uint32_t query) const { return count * 8ull + query * 4ull; }
-    // In the buffer that the memory is a part of.
+    // The offset in the buffer that contains the memory.
     [[nodiscard]] VkDeviceSize valueInBuffer(uint32_t query) const { return memory.offset() + query * 8ull; }
     [[nodiscard]] VkDeviceSize availabilityInBuffer(uint32_t query) const
     {

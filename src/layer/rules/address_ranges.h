@@ -17,7 +17,7 @@ enum class Part {
     UpToEnd, // any bytes, but none beyond the range
 };
 
-// A range. Without an id there is no such rule.
+// A range. A null id: there is no such rule.
 struct Range {
     VkFlags64 usage;     // of its buffer
     const char *usageId; // no buffer of the range has the usage
@@ -156,7 +156,7 @@ inline constexpr Range kByteCount{.usage = kIndirect,
 // --- the commands in the ranges of indirect draws
 struct IndirectDraws {
     const char *command;
-    VkDeviceSize bytes; // that the device reads for each draw
+    VkDeviceSize bytes; // bytes that the device reads for each draw
     // Ids for a range that is too small, and for a stride that is 0 for several draws, is smaller than `bytes`, or is
     // not a multiple of 4.
     const char *size, *noStride, *smallStride, *unalignedStride;

@@ -176,7 +176,7 @@ constexpr Rule<Build> kExtInfo[] = {
      }},
 };
 
-// There is no other mode.
+// Only the build mode BUILD exists.
 Found wrongMode(const Build &c)
 {
     return when(!c.build.isBuild, "it is not VK_BUILD_MICROMAP_MODE_BUILD_EXT");
@@ -238,7 +238,7 @@ constexpr Rule<Build> kKhrInfo[] = {
      }},
 };
 constexpr Rule<Build> kKhrBuild[] = {
-    // The layer builds a micromap all the same.
+    // The layer builds a micromap nevertheless.
     {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557", Tolerate, "type",
      [](const Build &c) { return when(c.build.indirect, "a micromap cannot be built indirectly"); }},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-mode-11545", Tolerate, "mode",
@@ -386,7 +386,6 @@ constexpr Rule<Build> kExtHostMemory[] = {
      [](const Build &c) { return when(!c.target.hostVisible, "its buffer is not bound to host-visible memory"); }},
     {"VUID-vkBuildMicromapsEXT-pInfos-07553", Depends, "data", noData},
     {"VUID-vkBuildMicromapsEXT-pInfos-07554", Depends, "triangleArray", noTriangles},
-    {"VUID-vkBuildMicromapsEXT-pInfos-07556", Report, "scratchData", noScratch},
     {kStrideId, Depends, "triangleArrayStride", wrongStride},
 };
 constexpr Rule<Build> kKhrMemory[] = {
@@ -541,12 +540,14 @@ constexpr Rule<Structure> kStructure[] = {
      }},
     {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03790", Reject, "geometryCount",
      [](const Structure &c) {
-         return when(c.build.geometries.size() != 1 && c.build.isTopLevel(), [&] {
+         const bool topLevel =
+             c.build.isTopLevel() || c.build.given->type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+         return when(topLevel && c.build.geometries.size() != 1, [&] {
              return std::to_string(c.build.geometries.size()) + "; a top-level structure has one geometry";
          });
      }},
 };
-// Not of indirect builds.
+// Rules of direct builds only.
 constexpr Rule<Structure> kDirectStructure[] = {
     {"VUID-vkCmdBuildAccelerationStructuresKHR-mode-04628", Report, "mode",
      [](const Structure &c) {
@@ -603,7 +604,7 @@ Found unneededIndices(const Attached &c)
     return when(!c.indexed() && c.attachment.indexBuffer.deviceAddress != 0,
                 "it is not null, although indexType is VK_INDEX_TYPE_NONE_KHR");
 }
-// Null is no buffer, and a geometry without triangles reads none.
+// Null is not a buffer, and a geometry without triangles reads none.
 Found noIndices(const Attached &c)
 {
     const VkDeviceAddress indices = c.attachment.indexBuffer.deviceAddress;
@@ -647,7 +648,7 @@ Found wrongCounts(const Attached &c, uint64_t least, uint64_t most)
                std::to_string(most) + " of the geometry have an index into the micromap";
     });
 }
-// At most all triangles have one. How many have, only the device knows: the check `gpu` counts them.
+// All triangles at most have one. Only the device knows how many do: the check `gpu` counts them.
 Found wrongDeviceCounts(const Attached &c)
 {
     return c.ranges.given() ? wrongCounts(c, 0, c.attachment.micromap ? c.ranges.primitives(c.geometry) : 0) : Found{};

@@ -12,7 +12,7 @@ namespace vellum::layer::rules
 inline constexpr uint64_t kLeastScratchAlignment = 4;
 // The rule of the size of a target: back ends find out what structures other than micromaps need.
 inline constexpr const char *kTargetSizeId = "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126";
-// The rule of the size of scratch memory: validation asks what structures other than micromaps need.
+// The rule of the size of scratch memory: for structures other than micromaps, validation queries the driver's size.
 inline constexpr const char *kScratchSizeId = "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12258";
 std::string tooFewBytes(VkDeviceSize available, VkDeviceSize needed);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where a fault is: a command, and the path from its parameters to a member.
+// The location of a fault: a command, and the path from its parameters to a member.
 #pragma once
 
 #include <cstdint>

@@ -48,7 +48,7 @@ Found when(bool broken, const Text &text, Severity severity = Severity::Depends)
 // A rule of a value of type Case.
 template <typename Case>
 struct Rule {
-    const char *id; // as the specification has it, or an id of Vellum
+    const char *id; // id in the specification, or of Vellum
     Severity severity;
     const char *member; // null: the place of the check
     Found (*find)(const Case &);

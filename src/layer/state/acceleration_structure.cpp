@@ -184,7 +184,7 @@ bool takeDeserialized(StructureLocation &location)
     return true;
 }
 
-// With the location's mutex held.
+// The location's mutex must be locked.
 void setContent(StructureLocation &location, VkAccelerationStructureTypeKHR type, VkDeviceSize bytes)
 {
     location.content = type;
@@ -272,7 +272,7 @@ VkDeviceSize capacityOf(const DeviceState &device, const AccelerationStructure &
 namespace
 {
 
-// Returns outgrown slots that nobody can access any more, with the location's mutex held. If no command buffer uses
+// Returns outgrown slots that no command can access any more, with the location's mutex held. If no command buffer uses
 // them, all builds with them were executed before or never will be, and the host sees what they have written to the
 // descriptor (InjectedWork::barrier). Work that used the content before it was replaced is complete, too, since builds
 // wait for it.

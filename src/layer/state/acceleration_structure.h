@@ -68,7 +68,7 @@ void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR ty
 void becomesUnknown(AccelerationStructure &structure, uint32_t deserialization);
 // A top-level build of up to that many instances was recorded.
 void becomesTopLevel(AccelerationStructure &structure, uint32_t instances, VkDeviceSize bytes);
-// With translated micromaps: a structure of that type was recorded, which may name micromaps.
+// With translated micromaps: records that a structure of that type was recorded, which may name micromaps.
 void becomesStructure(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, bool namesMicromaps);
 bool namesMicromaps(const AccelerationStructure &structure);
 // The size of what was recorded last; 0: only the device knows it.
@@ -95,14 +95,14 @@ void reportGpuErrors(DeviceState &device);
 void reportGpuErrors(DeviceState &device, uint32_t known);
 
 // --- structures that are or hold micromaps (VK_KHR_opacity_micromap) ---
-// Whether a structure is a micromap, or GENERIC, so that it can hold one.
+// Returns whether a structure is a micromap, or GENERIC, so that it can hold one.
 bool canHoldMicromap(const AccelerationStructure &structure);
-// Whether the layer created the handle: the driver does not know it.
+// Returns whether the layer created the handle: the driver does not know it.
 inline bool isLayerObject(const AccelerationStructure &structure)
 {
     return structure.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
 }
-// Whether a structure holds a micromap. Nothing for a GENERIC structure with unknown content.
+// Returns whether a structure holds a micromap. Nothing for a GENERIC structure with unknown content.
 std::optional<bool> holdsMicromap(const Driver &driver, const AccelerationStructure &structure);
 // The micromap in a structure; a GENERIC structure is treated as a micromap.
 Micromap micromapIn(const AccelerationStructure &structure);
@@ -112,7 +112,7 @@ void becomeMicromap(DeviceState &device, AccelerationStructure &structure);
 // Publishes the micromap that a structure is or can hold: serialized structures may name it by the address of its
 // memory.
 void publishMicromap(DeviceState &device, AccelerationStructure &structure);
-// The same for a structure of vkCreateAccelerationStructureKHR: now, or when its buffer is bound to memory.
+// As above, for a structure of vkCreateAccelerationStructureKHR: now, or when its buffer is bound to memory.
 void publishMicromapOnceBound(DeviceState &device, const std::shared_ptr<AccelerationStructure> &structure);
 void bufferHasAddress(DeviceState &device, VkBuffer buffer);
 

@@ -35,8 +35,8 @@ struct DeviceState {
     // GENERIC structures whose buffers have no memory yet.
     std::vector<std::weak_ptr<AccelerationStructure>> unboundMicromaps{};
 
-    // Whether the layer created the object, so that the driver does not know its handle. Only emulated and translated
-    // devices have such objects.
+    // Returns whether the layer created the object, so that the driver does not know its handle. Only emulated and
+    // translated devices have such objects.
     [[nodiscard]] bool own(VkObjectType type, uint64_t handle) const;
 };
 

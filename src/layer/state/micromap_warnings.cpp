@@ -10,7 +10,7 @@ void MicromapWarnings::warn(const char *id, const std::string &text)
 {
     {
         std::lock_guard lock(mutex_);
-        // Where EXT is the driver's, the application uses its micromaps without the layer.
+        // If EXT is the driver's, the application uses its micromaps without the layer.
         if (!used_ && !(driver_.translated() && driver_.enabled.ext)) {
             // One more than the limit is enough for the message about the limit.
             const uint32_t limit = driver_.settings->messageLimit;

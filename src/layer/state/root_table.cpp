@@ -23,7 +23,7 @@ constexpr uint32_t kSlots = 1u << 24;   // instanceCustomIndex has 24 bits
 constexpr VkDeviceSize kPageBytes = VkDeviceSize{kSlotsPerPage} * kInstanceRecordWords * 4;
 // With a record of zeros every hit reaches the shader, except those in transparent micro-triangles.
 static_assert(hitInTable(0, kStateNone) == kHitNonOpaque && hitInTable(0, kStateOpaque) == kHitNonOpaque);
-// Shaders tell records of boxes from those of triangles by this bit (vellumCullsBox in lookup.comp).
+// Shaders distinguish records of boxes from those of triangles by this bit (vellumCullsBox in lookup.comp).
 static_assert((hitTable(0) & kInstanceBoxes) == 0);
 static_assert(kFirstSlots <= kSlotsPerPage && kDirectoryPages * kSlotsPerPage == kSlots);
 constexpr VkDeviceSize kRootBytes = (kRootHeaderWords + VkDeviceSize{kDirectoryPages} * 2) * 4;
@@ -50,7 +50,7 @@ void fenceBeforePublishing()
     std::atomic_thread_fence(std::memory_order_seq_cst);
 }
 
-// Both words at once; they are aligned, as all pairs of words are.
+// Writes both words at once; they are aligned, as all pairs of words are.
 void store64(uint32_t *words, uint64_t value)
 {
     __atomic_store_n(reinterpret_cast<uint64_t *>(words), value, __ATOMIC_RELEASE);
@@ -125,7 +125,7 @@ VkResult RootTable::createTable(GpuBuffer &buffer, size_t table, bool known)
     const VkResult result = known ? createKnownTable(buffer, table) : buffer.create(context_, bytes);
     if (result != VK_SUCCESS || !crossesWord(buffer.address(), bytes))
         return result;
-    // Of two buffers that exist at the same time, only one can cross it.
+    // Only one of two buffers that exist at the same time can cross it.
     GpuBuffer other;
     const VkResult again = other.create(context_, bytes);
     if (again == VK_SUCCESS)

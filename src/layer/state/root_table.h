@@ -74,8 +74,8 @@ public:
     // descriptor. Its address is 0 if there is no memory.
     StructureDescriptor acquireDescriptor(VkDeviceAddress reference);
     void releaseDescriptor(VkDeviceAddress reference);
-    // Adds a reference that leads to the descriptor of a known one; paired with a releaseDescriptor. False if it leads
-    // to another descriptor already, or there is no memory.
+    // Adds a reference that leads to the descriptor of a known one; paired with a releaseDescriptor. Returns false if
+    // it leads to another descriptor already, or memory runs out.
     bool addReference(VkDeviceAddress reference, VkDeviceAddress known);
     // Adds a synthetic key, which is not an address, to the descriptor of a known reference; paired with a
     // releaseDescriptor. 0 if there is no memory.
@@ -84,7 +84,7 @@ public:
     // no memory.
     VkDeviceAddress acquireMicromap(VkDeviceAddress address, VkDeviceSize bytes);
 
-    // Whether shaders count errors: only after create.
+    // Returns whether shaders count errors: only after create.
     [[nodiscard]] bool countsGpuErrors() const { return gpuErrors_.words() != nullptr; }
     // The errors that shaders have found since the last call, one bit for each kGpuError*. The host only reads their
     // counters (see StructureDescriptorPool).

@@ -30,8 +30,8 @@ public:
     enum class Writer { Device, Host };
     explicit StructureDescriptorPool(Writer writer) : writer_(writer) {}
 
-    // The number of a descriptor that states nothing; kNone if there is no memory. One that the host writes is of
-    // zeros.
+    // The number of a descriptor that states nothing; kNone if memory runs out. A descriptor that the host writes is
+    // zeroed.
     uint32_t acquire(const GpuContext &context);
     // The device must have finished everything that uses it.
     void release(uint32_t descriptor);

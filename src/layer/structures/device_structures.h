@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the subsystem of acceleration structures uses on a device: creation, sizes, builds, copies and serialization,
-// with the records that lead from a hit to its micromap.
+// The subsystem of acceleration structures on a device: creation, sizes, builds, copies and serialization, with the
+// records that lead from a hit to its micromap.
 #pragma once
 
 #include <memory>

@@ -15,7 +15,7 @@ namespace vellum::layer
 class DriverBuilds
 {
 public:
-    // What `info` and `ranges` point to lives until record().
+    // The pointers in `info` and `ranges` must stay valid until record().
     void add(const VkAccelerationStructureBuildGeometryInfoKHR &info, const input::BuildRanges &ranges);
     void record(const Driver &driver, VkCommandBuffer commandBuffer) const;
 

@@ -11,8 +11,8 @@ namespace vellum::layer
 struct AccelerationStructure;
 struct DeviceStructures;
 
-// Whether the driver is one of these, and the handle's range may include other data: it is GENERIC, another structure
-// begins in it, or it is top-level and includes the tail, which the driver builds from.
+// Returns whether the driver is one of these, and the handle's range may include other data: it is GENERIC, another
+// structure begins in it, or it is top-level and includes the tail, which the driver builds from.
 bool reachesOver(const DeviceStructures &device, const AccelerationStructure &structure);
 
 // The handle for the driver's build of `bytes` bytes: the application's, or, if that is larger and includes other data,

@@ -24,9 +24,9 @@ public:
     TriangleStructure(const TriangleStructure &) = delete;
     TriangleStructure &operator=(const TriangleStructure &) = delete;
 
-    // Records the build of a bottom-level structure of one triangle, (0,0,0) (1,0,0) (0,1,0); the structure is made
-    // larger by `spareBytes` than the driver asks for. Commands after it may use the structure. False where the driver
-    // could not make what is needed.
+    // Records the build of a bottom-level structure of one triangle, (0,0,0) (1,0,0) (0,1,0); the structure is larger
+    // by `spareBytes` than the driver's size. Commands after it may use the structure. Returns false if the driver
+    // cannot create an object.
     bool buildTriangle(VkCommandBuffer commands, VkDeviceSize spareBytes);
 
     [[nodiscard]] VkAccelerationStructureKHR handle() const { return handle_; }

@@ -34,7 +34,7 @@ struct FallbackFacts {
     bool wholeCopies = false;
 };
 
-// Without a fallback where the application did not enable acceleration structures, or has no queue that can build them.
+// Returns no fallback if the application did not enable acceleration structures, or has no queue that can build them.
 FallbackFacts fallbackStructure(DeviceStructures &device);
 
 } // namespace vellum::layer

@@ -88,7 +88,7 @@ private:
         VkDeviceAddress sourceDescriptor = 0;
         VkDeviceAddress tail = 0; // of the records of a bottom-level structure; 0: it has none
         VkDeviceSize tailBytes = 0;
-        // That the driver needs; only set for builds without records, if the driver clears whole handles.
+        // The size that the driver needs; only set for builds without records, if the driver clears whole handles.
         VkDeviceSize driverBytes = 0;
         StructureDescriptor descriptor;
         Instances instances;
@@ -159,7 +159,7 @@ private:
     }
 
     // Without the shaders for its records a build is skipped: the driver would replace the structure, and its
-    // descriptor would still lead to the records of what it was.
+    // descriptor would still lead to the records of its earlier content.
     void skipUnrecordable(InjectedWork &work)
     {
         for (Part &part : parts_) {

@@ -53,7 +53,7 @@ void addStructure(DeviceStructures &device, const std::shared_ptr<AccelerationSt
     undo.keep();
 }
 
-// The same for a structure that the driver has created; if this throws, it is destroyed.
+// Adds a structure that the driver has created; if this throws, it is destroyed.
 void addDriversStructure(DeviceStructures &device, const std::shared_ptr<AccelerationStructure> &structure,
                          VkAccelerationStructureKHR handle, const VkAllocationCallbacks *allocator)
 {
@@ -122,7 +122,8 @@ VkResult rejectOnHost(const DeviceStructures &device, const std::string &what)
     return VK_ERROR_FEATURE_NOT_PRESENT;
 }
 
-// Whether the driver may execute a host command: only if micromaps are the driver's, and only on other structures.
+// Returns whether the driver may execute a host command: only if micromaps are the driver's, and only on other
+// structures.
 bool isDrivers(const DeviceStructures &device, VkAccelerationStructureKHR handle)
 {
     const auto structure = device.objects.accelerationStructures.get(handle);
@@ -240,7 +241,7 @@ void getAccelerationStructureBuildSizes(DeviceStructures &device, VkDevice, VkAc
         StructureBuild build = structureBuildOf(device.driver, query.structures[0]);
         // They are ignored, and may be handles of micromaps.
         build.info.srcAccelerationStructure = build.info.dstAccelerationStructure = VK_NULL_HANDLE;
-        // Without numbers of primitives there are none:
+        // Without pMaxPrimitiveCounts all counts are 0:
         // VUID-vkGetAccelerationStructureBuildSizesKHR-pMaxPrimitiveCounts-11612
         const std::vector<uint32_t> none(maxPrimitives ? 0 : info->geometryCount);
         device.backend->getSizes(type, build, maxPrimitives ? maxPrimitives : none.data(), *sizes);

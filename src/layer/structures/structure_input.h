@@ -69,14 +69,14 @@ ObjectFacts structureFacts(const DeviceState &objects, ObjectHandle handle);
 struct StructureCopy {
     std::shared_ptr<AccelerationStructure> source, target;
     bool compact = false; // otherwise a clone
-    // Of the copied content. GENERIC only if micromaps are the driver's, and the content is not a micromap.
+    // The type of the copied content. GENERIC only if micromaps are the driver's, and the content is not a micromap.
     VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     [[nodiscard]] bool isMicromap() const { return type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR; }
 };
 std::optional<StructureCopy> structureCopyOf(const DeviceState &objects, const char *command,
                                              const VkCopyAccelerationStructureInfoKHR &info);
 
-// To or from serialized data.
+// A copy to or from serialized data.
 struct SerializedCopy {
     std::shared_ptr<AccelerationStructure> structure;
     VkDeviceAddress data = 0;

@@ -23,12 +23,12 @@ void hideMicromaps(StructureBuild &build);
 VkDeviceSize bottomLevelTailBytes(const StructureBuild &build, const uint32_t *primitives);
 
 // --- top level ---
-// Of copies, which are builds: the source may have the flag, which only the device knows.
+// The flags of copies, which are builds: the source may have the flag, which only the device knows.
 inline constexpr VkBuildAccelerationStructureFlagsKHR kTopLevelCopyFlags =
     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
 
 // The layout of a top-level structure for builds of up to `count` instances with some flags, and for copies. Sizes do
-// not decrease with more instances. The constructor asks the driver for sizes, at most twice.
+// not decrease with more instances. The constructor queries the driver's sizes, at most twice.
 struct TopLevelLayout {
     TopLevelLayout(const Driver &driver, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count);
 
@@ -39,7 +39,7 @@ struct TopLevelLayout {
     {
         return tailOffset + VkDeviceSize{count} * sizeof(VkAccelerationStructureInstanceKHR);
     }
-    // As queries report them: shared::kTopLevelSizeMark.
+    // The size that queries report: shared::kTopLevelSizeMark.
     [[nodiscard]] VkDeviceSize reportedBytes() const
     {
         return alignUp(bytes() + kPartAlignment - shared::kTopLevelSizeMark, kPartAlignment) - kPartAlignment +

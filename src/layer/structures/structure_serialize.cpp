@@ -126,7 +126,7 @@ struct Restore {
         return rejectCommand(device.driver, kRestoreCommand, target->handle, id, text);
     }
 
-    // Whether the deserialization can be recorded; reports why not.
+    // Returns whether the deserialization can be recorded; reports why not.
     [[nodiscard]] bool check() const
     {
         if (fallbackStructure(device).units == 0) {

@@ -78,7 +78,7 @@ namespace validation
 namespace
 {
 
-// What a clone or a compaction on the device does, before the implementation records it.
+// Models a clone or a compaction on the device, before the implementation records it.
 void recordCopy(DeviceValidation &device, const RuleCheck &check, const char *command, const input::Copy &copy)
 {
     const Structure source = device.objects.structureOf(copy.source), target = device.objects.structureOf(copy.target);

@@ -29,7 +29,7 @@ DeviceValidation::~DeviceValidation()
 namespace
 {
 
-// What a build needs where micromaps are the driver's own.
+// The memory that a build needs where micromaps are the driver's own.
 std::optional<input::BuildNeeds> driverNeeds(const DeviceModel &device, const input::MicromapBuild &build)
 {
     const auto type =
@@ -55,7 +55,7 @@ std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const R
 {
     auto device = std::make_unique<DeviceValidation>();
     device->driver = driver;
-    device->driver.mode = Mode::PassThrough; // whoever implements micromaps is a driver that has them
+    device->driver.mode = Mode::PassThrough; // the implementation below counts as a driver with micromaps
     device->driver.ownAddressCommands = false;
     device->implementsRanges = driver.ownAddressCommands;
     device->driver.next.load(driver.handle, implementation);

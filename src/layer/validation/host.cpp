@@ -25,7 +25,7 @@ bool succeeded(VkResult result)
 namespace validation
 {
 
-// What the structures hold then is unknown.
+// The content of the structures is unknown afterwards.
 VkResult buildAccelerationStructures(DeviceValidation &device, VkDevice handle, VkDeferredOperationKHR operation,
                                      uint32_t count, const VkAccelerationStructureBuildGeometryInfoKHR *infos,
                                      const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)

@@ -186,7 +186,7 @@ void cmdBeginConditionalRendering2(DeviceValidation &device, VkCommandBuffer com
     const CheckedRanges checked(device, commandBuffer, [&] {
         return ranges::checkCondition(device, commandBuffer, *info, state && state->conditionalRendering);
     });
-    // For injected work, and for the end of conditional rendering.
+    // Kept for injected work, and for the end of conditional rendering.
     const auto at = device.buffers.addresses.covering(info->addressRange.address, sizeof(uint32_t),
                                                       VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
     if (state && at.buffer)

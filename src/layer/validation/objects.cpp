@@ -79,7 +79,7 @@ bool isDestroyed(DeviceValidation &device, ObjectHandle object, const char *comm
     return destroyed;
 }
 
-// Others may still refer to the structure, which is not valid any more.
+// Other objects may still refer to the structure, which is no longer valid.
 void setLost(DeviceValidation &device, const ValidatedStructure &structure, const char *how)
 {
     if (structure.isMicromap()) {

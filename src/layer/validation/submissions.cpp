@@ -22,7 +22,7 @@ namespace validation
 namespace
 {
 
-// Whether a timeline semaphore is to reach a value that neither the host nor an earlier submission signals.
+// Returns whether a timeline semaphore is to reach a value that neither the host nor an earlier submission signals.
 bool isLater(DeviceValidation &device, uint64_t semaphore, uint64_t value)
 {
     const auto signaled = device.logs.signals.find(semaphore);

@@ -33,7 +33,7 @@ uint stateAt(uint geometry, uint primitive, vec2 barycentrics)
     return (states[byte >> 2] >> bit) & (two ? 1u : 3u);
 }
 
-// How far a place is from the outline of its micro-triangle: 0 on it, 1 from a tenth of its height on.
+// The distance of a point from the outline of its micro-triangle: 0 on it, 1 from a tenth of its height on.
 float awayFromEdge(uint geometry, uint primitive, vec2 barycentrics)
 {
     const uint kind = states[4u + 2u * (geometries[geometry].firstTriangle + primitive) + 1u];

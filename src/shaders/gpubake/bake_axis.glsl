@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How positions along one axis of a texture lead to texels and to stored cells. As the baker's Axis (src/bake/texture).
+// Maps positions along one axis of a texture to texels and to stored cells, like the baker's Axis (src/bake/texture).
 //
 // With bilinear filtering, cell i is the interval between the centres of texels i and i + 1; with nearest filtering it
 // is texel i. An address mode folds all cells onto a few stored ones.
@@ -93,7 +93,7 @@ Run runFrom(Axis axis, int i, int wanted)
 }
 
 // The stored cells of all cells from i on, `count` of them: two intervals, of which the second may be empty (z > w).
-// But for repetition, cells that are neighbours are so when they are stored, too, so that one interval holds all.
+// Except for repetition, neighbouring cells are also neighbours when stored, so one interval holds all.
 ivec4 storedIntervals(Axis axis, int i, int count)
 {
     if (count >= 2 * axis.cells)

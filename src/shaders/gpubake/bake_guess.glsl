@@ -24,7 +24,7 @@ vec3 threeTexels(Mip mip, ivec3 columns, int row)
                 texelAt(columns.z, row, mip.number));
 }
 
-// How many samples are opaque, of a shape within two by two cells, from the one at `low` on. With bilinear filtering.
+// The number of opaque samples of a shape within two by two cells, from the one at `low` on. With bilinear filtering.
 uint opaqueWithin(Mip mip, Shape s, vec2 low)
 {
     const ivec2 cell = s.cell + ivec2(low);
@@ -47,7 +47,7 @@ uint opaqueWithin(Mip mip, Shape s, vec2 low)
     return opaque;
 }
 
-// One sample, anywhere.
+// One sample, at any position.
 bool sampleIsOpaque(Mip mip, Shape s, uint n)
 {
     const vec2 at = sampleAt(s, n);

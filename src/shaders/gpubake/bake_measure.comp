@@ -14,7 +14,7 @@ bool hasTwo(uint states)
     return (states & (states - 1u)) != 0u;
 }
 
-// Which of 16 states occur, or of fewer, as bits.
+// The set of states that occur among 16 or fewer, as bits.
 uint occurring(uint states, uint level)
 {
     const uint those = filled(1u, level);
@@ -51,7 +51,7 @@ void main()
 {
     loadAlpha();
     const Work work = workAt(INVOCATION);
-    if (!work.any || work.level <= 3u) // those have been looked at
+    if (!work.any || work.level <= 3u) // these are decided already
         return;
     const uint at = triangleAt(work.triangle) + kBakeStates;
     uint seen = atomicOr(SCRATCH(at), 0u);

@@ -105,11 +105,11 @@ uint pieceFlags(Mip mip, Shape s, ivec2 cell)
     precise const vec2 across = s.j - s.i;
     const float size = max(max(max(abs(s.i.x), abs(s.i.y)), max(abs(s.j.x), abs(s.j.y))),
                            max(abs(across.x), abs(across.y)));
-    const float room = size + 4.0 + 2.0 * max(s.margin.x, s.margin.y);
-    const float edgeSlack = 4.0 * room * (size * (1.0 / 2097152.0) + 1.0 / 16777216.0);
+    const float extent = size + 4.0 + 2.0 * max(s.margin.x, s.margin.y);
+    const float edgeSlack = 4.0 * extent * (size * (1.0 / 2097152.0) + 1.0 / 16777216.0);
     const float area = crossOf(s.i, s.j);
     const bool moved = s.margin.x > 0.0 || s.margin.y > 0.0;
-    // Where rounding hides which way the triangle turns, its edges move to both sides.
+    // If rounding hides the orientation of the triangle, its edges move to both sides.
     const bool upwards = area > -edgeSlack;
     const bool downwards = moved && area < edgeSlack;
     vec2 extent = vec2(1e30, -1e30);
@@ -124,7 +124,7 @@ uint pieceFlags(Mip mip, Shape s, ivec2 cell)
             addEdge(patch_, above, delta, s.slack, extent);
         if (downwards)
             addEdge(patch_, below, delta, s.slack, extent);
-        // Which corners are between the edge, moved outwards, and its parallel through the other vertex, likewise.
+        // The corners between the edge, moved outwards, and its parallel through the other vertex, likewise.
         const float more = abs(delta.y) * s.margin.x + abs(delta.x) * s.margin.y +
                            4.0 * s.slack * (abs(delta.x) + abs(delta.y)) + edgeSlack;
         const vec4 side = vec4(crossOf(delta, low - start), crossOf(delta, vec2(high.x, low.y) - start),
@@ -138,6 +138,6 @@ uint pieceFlags(Mip mip, Shape s, ivec2 cell)
         if (inside[k])
             extent = vec2(min(extent.x, values[k]), max(extent.y, values[k]));
     if (extent.x > extent.y)
-        return 0u; // beside the cell
+        return 0u; // next to the cell
     return (extent.x >= opaque ? 0u : kMayNotBeOpaque) | (extent.y < transparent ? 0u : kMayNotBeTransparent);
 }

@@ -27,7 +27,7 @@ uvec2 times64(uvec2 x, uint factor)
     umulExtended(x.x, factor, high, low);
     return uvec2(low, high + x.y * factor);
 }
-// By up to 12 bits, rounding down.
+// Shifts right by up to 12 bits, rounding down.
 uvec2 half64(uvec2 x, uint bits)
 {
     return bits == 0u ? x : uvec2(x.x >> bits | x.y << (32u - bits), uint(int(x.y) >> bits));
@@ -81,7 +81,7 @@ Uvs loadUvs(uint triangle)
                vec2(scratchFloat(at + 4u), scratchFloat(at + 5u)));
 }
 
-// Finite, and near enough for single precision to tell texels apart.
+// Finite, and small enough for single precision to distinguish texels.
 bool usable(Uvs uvs, uvec2 size)
 {
     const vec2 texels = vec2(size);

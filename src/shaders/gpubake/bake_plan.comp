@@ -88,7 +88,7 @@ void main()
         for (uint number = 0u; number < SCRATCH(kBakeMips); ++number) {
             const Mip mip = makeMip(number);
             const Placement p = place(uvs, mip, 0u);
-            // With tolerances of millions of texels nothing can be decided, nor would it fit in integers.
+            // With tolerances of millions of texels no state can be known, and coordinates would exceed integers.
             if (!all(lessThan(p.margin, vec2(4194304.0)))) {
                 known = false;
                 break;

@@ -4,7 +4,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "gpubake/bake_list.glsl"
 
-// For each level as many segments of blocks.
+// Each level has that many segments of blocks.
 layout(local_size_x = 128) in;
 const uint kSegments = kBakeBlock / 16u;
 
@@ -23,12 +23,12 @@ void finish()
     uint triangles = 0u;
     uint units = 0u;
     bool tooMuch = false;
-    bool noRoom = false;
+    bool isFull = false;
     for (uint level = 0u; level < kBakeLevels; ++level) {
         uint count = totals[level];
         if (push.first != 0u) {
             const uint capacity = SCRATCH(kBakeCapacity + level);
-            noRoom = noRoom || count > capacity;
+            isFull = isFull || count > capacity;
             count = min(count, capacity);
         }
         uint high, low, carry;
@@ -49,7 +49,7 @@ void finish()
     setGroups(kBakeWriteGroups, groups);
     const bool sizesOnly = flagSet(kBakeSizesOnly);
     Words result = Words(scratchAddress(kBakeResult));
-    result.w[0] = (noRoom && !sizesOnly ? 1u : 0u) | (SCRATCH(kBakeTooMuch) != 0u ? 2u : 0u);
+    result.w[0] = (isFull && !sizesOnly ? 1u : 0u) | (SCRATCH(kBakeTooMuch) != 0u ? 2u : 0u);
     for (uint level = 0u; level < kBakeLevels; ++level)
         result.w[1u + level] = totals[level];
 }

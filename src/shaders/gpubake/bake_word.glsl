@@ -82,7 +82,7 @@ Subject subjectOf(uint triangle)
     s.state = s.resolved ? uint(findLSB(SCRATCH(triangleAt(triangle) + kBakeStates))) : 0u;
     s.uvs = loadUvs(triangle);
     s.mip = makeMip(0u);
-    // Not where coordinates may be of any size.
+    // Otherwise coordinates may be of any size and have no location.
     if (!s.resolved)
         s.place = place(s.uvs, s.mip, s.level);
     return s;
@@ -206,7 +206,7 @@ uvec4 statesOf(Subject subject, uint first, uint items)
     return states;
 }
 
-// Items of a unit; and its states, if blocks of cells tell them.
+// The items of a unit; and its states, if blocks of cells decide them.
 uint itemsOf(uint level)
 {
     return level > 2u ? 4u : 1u;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From the number of a unit of work to its triangle.
+// Finds the triangle of a unit of work by its number.
 #include "gpubake/bake_scratch.glsl"
 #include "opacity.h"
 #include "gpubake/bake_word.glsl"

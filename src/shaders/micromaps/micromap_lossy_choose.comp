@@ -9,7 +9,7 @@ layout(local_size_x = 64) in;
 #include "opacity.h"
 #include "micromap_lossy.glsl"
 
-// How many levels lower a triangle may be.
+// The number of levels by which a triangle may be lowered.
 uint riseOf(Source s, uint i, uint parts)
 {
     uint known[7] = uint[7](0u, 0u, 0u, 0u, 0u, 0u, 0u);

@@ -84,7 +84,7 @@ void storeRecord(uint triangle, uvec2 record)
     words.w[1] = record.y;
 }
 
-// The record of data at a byte of the micromap's data, with a coarse mask, for which there is no room where the data is far.
+// The record of data at a byte of the micromap's data, with a coarse mask, which is omitted if the data is far.
 uvec2 recordAt(uint kind, uint unit, uint byte, uint mask)
 {
     const bool near = byte == 0u && unit <= kMaxNearUnit;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a slot to an opacity state: the functions that are linked into the application's shaders (src/spirv/module/link.h).
-// main() and everything that the linked functions do not reach are not linked.
+// Looks up an opacity state by a slot: the functions that are linked into the application's shaders
+// (src/spirv/module/link.h). main() and everything that the linked functions do not reach are not linked.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_buffer_reference : require
@@ -22,10 +22,10 @@ layout(constant_id = 3) const uint kFirstSlotsHigh = 0u;
 // but addressed by unit.
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Quads { uvec4 at[]; };
 
-// Two adjacent words are declared as an address, whether they are one or not: a CPU driver loads each member lane by lane,
-// and an address by one load. glslang uses the alignment of the type that it points to as that of the load. The address is
-// in a structure because glslang declares RuntimeDescriptorArray for a runtime array of addresses, and devices need not
-// support that.
+// Two adjacent words are declared as an address, even if they are not one: a CPU driver loads each member lane by lane,
+// and an address by one load. glslang uses the alignment of the type that it points to as that of the load. The address
+// is in a structure because glslang declares RuntimeDescriptorArray for a runtime array of addresses, and devices need
+// not support that.
 layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Eight { uint w[]; };
 struct Pair {
     Eight words;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Which kinds of micromap indices a geometry has. One invocation per index.
+// Finds the kinds of micromap indices of a geometry. One invocation per index.
 #include "push.h"
 #include "base/memory.glsl"
 

@@ -26,7 +26,7 @@ struct MicromapMode {
         Always,      // true
         Specialized, // a specialization constant
         Computed,    // an expression of specialization constants
-        Invalid      // the operand is no constant of type bool, or there are two different ones
+        Invalid      // the operand is not a constant of type bool, or there are two different ones
     };
     When when = When::Absent;
     uint32_t constantId = 0; // SpecId, for Specialized

@@ -27,7 +27,7 @@ protected:
             arguments.insert(arguments.end(), {"--filter", "khr." + filter});
         return runCheck(folder_, arguments, environment);
     }
-    // Those of a reproducer.
+    // Number of triangles in a reproducer.
     size_t trianglesOf(const std::string &name)
     {
         const std::string text = textOf(folder_ / "out/failures" / (name + ".json"));
@@ -84,7 +84,7 @@ TEST_F(Check, FailFastEndsWithTheFirstFailure)
     EXPECT_LT(check.results.size(), 10U);
 }
 
-TEST_F(Check, WhatTheDeviceLacksIsSkipped)
+TEST_F(Check, MissingExtensionsAreSkipped)
 {
     const CheckRun check = run({"skip.*", "good.0000"});
     EXPECT_EQ(check.outcome.exitCode, 0);
@@ -209,7 +209,7 @@ TEST_F(Check, ACrashAfterTheLastCaseCounts)
         << check.outcome.output;
 }
 
-TEST_F(Check, WhatADriverPrintsIsNoResult)
+TEST_F(Check, OutputOfDriversIsNotAResult)
 {
     const CheckRun check = run({"junk.*", "events.*"});
     EXPECT_EQ(check.outcome.exitCode, 0) << check.outcome.output;
@@ -217,7 +217,7 @@ TEST_F(Check, WhatADriverPrintsIsNoResult)
     EXPECT_EQ(check.outcome.output.find("event"), check.outcome.output.find("events")) << "only the group's name";
 }
 
-TEST_F(Check, WhatPassesTheSecondTimeIsAFlake)
+TEST_F(Check, PassingTheSecondTimeIsAFlake)
 {
     const CheckRun check = run({"flake.*"}, {}, {{"VELLUM_FAKE_FOLDER", folder_.path().string()}});
     EXPECT_EQ(check.outcome.exitCode, 0);
@@ -298,7 +298,7 @@ TEST_F(Check, ResultsOutliveWorkersThatCannotBeStarted)
 }
 #endif
 
-TEST_F(Check, WithoutADeviceNothingRuns)
+TEST_F(Check, NoDeviceIsAnError)
 {
     for (const char *device : {"none", "crash"}) {
         const CheckRun check = run({"good.*"}, {}, {{"VELLUM_FAKE_DEVICE", device}});

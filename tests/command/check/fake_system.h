@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What bad drivers of fake_groups.cpp do to the system.
+// Damage to the system by the bad drivers of fake_groups.cpp.
 #pragma once
 
 #include <string_view>
@@ -12,7 +12,8 @@ void crash();
 void letParentStartNothing();
 // Starts a process that keeps everything open and does not end by itself.
 void leaveProcessBehind();
-// Writes to the first descriptor after the standard streams: a worker's events go there. False if there is none.
+// Writes to the first descriptor after the standard streams, the one for a worker's events. Returns false if it is not
+// open.
 bool writeWhereEventsGo(std::string_view text);
 
 } // namespace vellum::test

@@ -15,7 +15,7 @@ namespace vellum::test
 
 using Environment = std::vector<std::pair<std::string, std::string>>;
 
-// How the end of the process by crash() and by std::abort() is called.
+// How reports name the end of a process by crash() and by std::abort().
 #ifdef _WIN32
 inline const std::string kCrash = "access violation (0xC0000005)";
 inline const std::string kAbort = "exit code 3";
@@ -30,7 +30,7 @@ struct CheckRun {
     std::map<std::string, std::string> failures; // failures.csv
 };
 
-// The lines of a file; empty if there is none.
+// The lines of a file; empty if the file does not exist.
 std::vector<std::string> linesOf(const std::filesystem::path &path);
 std::string textOf(const std::filesystem::path &path);
 void writeFile(const std::filesystem::path &path, const std::string &text);

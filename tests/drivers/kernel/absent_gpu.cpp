@@ -176,7 +176,7 @@ Kernel &kernel()
     return *made;
 }
 
-// Before that the functions below are the system's, except libdrm's list of GPUs.
+// Until then the functions below are the system's, except libdrm's list of GPUs.
 bool installed = false;
 
 // libdrm frees a device with one call of free, so all of it is one piece of memory.

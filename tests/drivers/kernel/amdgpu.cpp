@@ -60,7 +60,7 @@ Device device(const Gpu &gpu)
     made.memoryClock = 1'000'000;
     made.units = gpu.engines * gpu.arrays * gpu.units;
     for (u32 e = 0; e < gpu.engines; ++e) {
-        for (u32 a = 0; a < gpu.arrays; ++a) // engines from the fifth on are beside the first ones
+        for (u32 a = 0; a < gpu.arrays; ++a) // engines from the fifth on share the words of the first ones
             made.unitMask[e % 4][a + e / 4 * 2] = (u32{1} << gpu.units) - 1;
     }
     made.backendMask = (u32{1} << gpu.backends) - 1;
@@ -142,7 +142,7 @@ private:
         return 0; // any other: no GPU was reset
     }
 
-    // What is submitted is done at once.
+    // Submitted work completes at once.
     int submit(Submit &submit)
     {
         for (const Chunk *chunk : array<const Chunk *>(submit.in.chunks, submit.in.count)) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// AMD's GPUs by the kernel driver amdgpu, which RADV asks.
+// AMD's GPUs by the kernel driver amdgpu, which RADV queries.
 #pragma once
 
 #include <memory>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What of the interface between Vulkan drivers and the Linux kernel is used here and is the same for all drivers:
-// libdrm's structures for devices, and the ioctls of DRM. It is declared here, like that of the kernel drivers xe and
-// amdgpu, because not all of the headers are in packages of Debian 12. All of it is a stable binary interface
+// The part of the interface between Vulkan drivers and the Linux kernel that is used here and is the same for all
+// drivers: libdrm's structures for devices, and the ioctls of DRM. It is declared here, like that of the kernel drivers
+// xe and amdgpu, because some of the headers are not packaged in Debian 12. All of it is a stable binary interface
 // (xf86drm.h and drm.h; xe_drm.h; amdgpu_drm.h).
 #pragma once
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What kernel drivers have in common: they report a GPU, and take calls of the programs that use it.
+// The common base of kernel drivers: they report a GPU, and handle calls of the programs that use it.
 #pragma once
 
 #include "drm_interface.h"
@@ -9,7 +9,7 @@
 namespace vellum::test::kernel
 {
 
-// What libdrm and the driver look for a GPU by.
+// The values by which libdrm and the driver find a GPU.
 struct Identity {
     const char *driver; // its name
     int major, minor;   // of the interface

@@ -76,7 +76,7 @@ private:
         return 0;
     }
 
-    // What is submitted is done at once.
+    // Submitted work completes at once.
     int submit(Submit &submit)
     {
         for (const SubmittedSync &signal : array<SubmittedSync>(submit.signals, submit.signalCount)) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Qualcomm's GPUs by the kernel driver msm, which turnip asks.
+// Qualcomm's GPUs by the kernel driver msm, which turnip queries.
 #pragma once
 
 #include <memory>

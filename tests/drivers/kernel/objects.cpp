@@ -40,7 +40,7 @@ int Objects::close(u32 handle)
     const auto found = pieces_.extract(handle);
     if (!found)
         return EINVAL;
-    // Its place is not used again, but it costs no memory any more.
+    // Its offset is not reused, but it takes no memory any more.
     fallocate(file_, FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, static_cast<off_t>(found.mapped().offset),
               static_cast<off_t>(found.mapped().size));
     return 0;

@@ -11,17 +11,17 @@
 namespace vellum::test::kernel
 {
 
-constexpr u32 kPageSize = 0x10000; // as large as any GPU here wants it
+constexpr u32 kPageSize = 0x10000; // the largest page size of the simulated GPUs
 
 class Objects
 {
 public:
     explicit Objects(int file) : file_(file) {}
-    // Functions give back 0 or an error of errno.h.
+    // Functions return 0 or an error of errno.h.
     int create(u64 size, u32 &handle);
     int offset(u32 handle, u64 &offset);
     int close(u32 handle);
-    // Of something that has no memory.
+    // A handle for an object without memory.
     u32 newHandle();
 
 private:

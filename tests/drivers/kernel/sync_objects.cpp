@@ -70,13 +70,13 @@ int SyncObjects::wait(std::span<const u32> handles, std::span<const u64> points,
             else if (found->second >= point && signaled++ == 0)
                 first = static_cast<u32>(i);
             else if (found->second < point && (flags & (kWaitForSubmit | kWaitAvailable)) == 0)
-                result = EINVAL; // the kernel waits for what was submitted, unless it is told otherwise
+                result = EINVAL; // the kernel waits for work to be submitted only if a flag says so
         }
         if (!result && ((flags & kWaitAll) != 0 ? signaled == handles.size() : signaled > 0))
             result = 0;
         return result.has_value();
     };
-    // Deadlines count from the steady clock's beginning, and may lie beyond what it can tell.
+    // Deadlines count from the beginning of the steady clock, and may be larger than its range.
     const auto now = std::chrono::steady_clock::now();
     const std::chrono::nanoseconds left = std::chrono::nanoseconds(deadline) - now.time_since_epoch();
     changed_.wait_until(

@@ -23,7 +23,7 @@ public:
     // A point of 0 signals a binary object.
     int signal(u32 handle, u64 point);
     int value(u32 handle, u64 &value);
-    // Nothing that the GPU still works on is ever waited for, as it works on nothing; only other threads are.
+    // The simulated GPU never works on anything, so the only possible waits are for other threads.
     int wait(std::span<const u32> handles, std::span<const u64> points, int64_t deadline, u32 flags, u32 &first);
 
 private:

@@ -203,7 +203,7 @@ private:
         return 0;
     }
 
-    // What is submitted is done at once. A submission that waits for what was never submitted is wrong.
+    // Submitted work completes at once. A submission that waits for a point that was never submitted is an error.
     int signalAll(u64 list, u32 count)
     {
         for (const Sync &sync : array<Sync>(list, count)) {

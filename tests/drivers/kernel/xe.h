@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Intel's GPUs by the kernel driver xe, which ANV asks.
+// Intel's GPUs by the kernel driver xe, which ANV queries.
 #pragma once
 
 #include <memory>

@@ -41,7 +41,7 @@ Bytes deflated(const Bytes &bytes)
     return compressed;
 }
 
-// One pass of an image: each row begins with its filter, none, and has the pixels at these columns.
+// One pass of an image. Each row begins with filter 0 and has the pixels at these columns.
 struct Pass {
     uint32_t firstColumn, firstRow, columns, rows; // and the distances to the next
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// In builds without libwebp: the beginning of such a file, which is enough for them to reject it.
+// For builds without libwebp: the beginning of such a file, which is enough for them to reject it.
 #include "compressed.h"
 
 namespace vellum::test

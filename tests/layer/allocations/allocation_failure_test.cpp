@@ -4,12 +4,12 @@
 #include <algorithm>
 
 #include "allocations/failing_allocations.h"
-#include "gpu/copies.h"
-#include "gpu/pipeline_tracer.h"
 #include "command_buffer/compute_pipeline.h"
 #include "command_buffer/shader_objects.h"
 #include "command_buffer/state_scene.h"
 #include "entry/micromap_device.h"
+#include "gpu/copies.h"
+#include "gpu/pipeline_tracer.h"
 #include "harness/harness.h"
 #include "harness/mock_driver.h"
 #include "harness/program/labels.h"
@@ -38,7 +38,7 @@ class Allocations : public testing::TestWithParam<Failing>
 protected:
     explicit Allocations(Options options = {})
     {
-        // What is left behind is counted: a validation layer would see the same, and take its time.
+        // The quirk counts objects that are left behind. A validation layer would do the same, but slower.
         options.validation = false;
         options.quirks += options.quirks.empty() ? "failures" : ",failures";
         gpu_ = std::make_unique<Gpu>(options);
@@ -73,7 +73,7 @@ protected:
                 break;
         }
         EXPECT_GT(made, 0u) << "the layer allocates nothing";
-        // Then nothing is left of what fails.
+        // From here on, a failed call leaves nothing behind.
         const long before = alive();
         const uint64_t all = made;
         allocations_ += all;
@@ -117,7 +117,7 @@ protected:
         });
     }
 
-    // By a deferred operation and without, one and two at once.
+    // With and without a deferred operation, one pipeline and two in a call.
     void failRayTracingPipelines()
     {
         const Commands &vk = gpu().vk();
@@ -389,7 +389,7 @@ TEST_P(Allocations, RecordedCopies)
 }
 INSTANTIATE(Allocations);
 
-// By a driver that defers.
+// On a driver that defers operations.
 class DeferredAllocations : public Allocations
 {
 protected:
@@ -420,7 +420,7 @@ TEST_P(ShaderObjectAllocations, Shaders)
 }
 INSTANTIATE(ShaderObjectAllocations);
 
-// With validation, a device exists if the driver's does: without memory it is not validated.
+// If the validation's own allocations fail, the device is created without validation.
 class ValidatedAllocations : public Allocations
 {
 protected:
@@ -442,7 +442,7 @@ class BinaryAllocations : public Allocations
 protected:
     BinaryAllocations() : Allocations({.oldValidation = false, .quirks = "caching", .newer = true}) {}
 };
-// Of a pipeline, and of data.
+// Binaries of a pipeline, and binaries created from data.
 TEST_P(BinaryAllocations, Binaries)
 {
     const Tracer tracer(gpu());
@@ -484,7 +484,7 @@ TEST_P(BinaryAllocations, Binaries)
 }
 INSTANTIATE(BinaryAllocations);
 
-// Where micromaps are translated to the driver's.
+// On a driver with micromaps of its own, to which the layer translates.
 class TranslatedAllocations : public Allocations
 {
 protected:

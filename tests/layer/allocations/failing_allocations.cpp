@@ -44,7 +44,7 @@ int findRange(dl_phdr_info *info, size_t, void *)
     return 0;
 }
 
-// For whom the standard library's own functions allocate, those of std::string for one.
+// The function on whose behalf the standard library allocates, for example in std::string.
 _Unwind_Reason_Code findCaller(_Unwind_Context *context, void *found)
 {
     auto *const address = reinterpret_cast<void *>(_Unwind_GetIP(context));

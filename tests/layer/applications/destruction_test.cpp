@@ -65,7 +65,7 @@ public:
         if (micromap_ != VK_NULL_HANDLE)
             gpu_.vk().DestroyMicromapEXT(gpu_.device(), std::exchange(micromap_, VK_NULL_HANDLE), nullptr);
     }
-    // In one of the six orders.
+    // Destroys the parts in one of the six orders.
     void destroy(uint32_t order)
     {
         const std::array<std::function<void()>, 3> parts{[this] { destroyStructure(); }, [this] { destroyBuffer(); },
@@ -176,7 +176,7 @@ TEST_F(Destruction, MicromapsBuffersAndMemoryInAnyOrder)
 }
 
 // The bottom level before the top level that names it, and the micromap before both. Nothing is traced any more.
-TEST_F(Destruction, WhatIsNamedBeforeWhatNamesIt)
+TEST_F(Destruction, ReferencedObjectsFirst)
 {
     for (int round = 0; round < 3; ++round) {
         auto micromap = makeMicromap(0);
@@ -205,7 +205,8 @@ TEST_F(Destruction, InputsOfBuilds)
     expectCandidates(tlas, 0);
 }
 
-// Of the layer's own tracers, all that a pipeline was made of is destroyed before it is used: modules always are.
+// Everything that a pipeline was made of is destroyed before the pipeline is used. The tracers of the other tests
+// destroy only modules before.
 TEST_F(Destruction, LibrariesBeforeThePipeline)
 {
     if (!gpu().has(VK_KHR_PIPELINE_LIBRARY_EXTENSION_NAME) || !gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))

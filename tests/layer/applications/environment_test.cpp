@@ -86,7 +86,7 @@ protected:
 
 constexpr const char *kAbsent = nullptr;
 
-// Whether all messages are about settings.
+// True if all messages are about settings.
 bool areOfSettings(const std::vector<Message> &messages)
 {
     return std::ranges::all_of(messages, [](const Message &m) { return m.id == "VELLUM-setting"; });

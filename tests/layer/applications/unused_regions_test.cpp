@@ -49,7 +49,7 @@ protected:
 
 TEST_F(UnusedRegions, AreNotRead)
 {
-    // One micro-triangle of each state; every ray goes on to a triangle without a micromap behind it.
+    // One micro-triangle of each state. Behind it is a triangle without a micromap, which every ray reaches.
     MicromapInput input;
     for (uint8_t state = 0; state < 4; ++state)
         input.add(0, kFourState, std::vector<uint8_t>{state});

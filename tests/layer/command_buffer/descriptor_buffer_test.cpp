@@ -102,7 +102,7 @@ public:
     [[nodiscard]] VkPipelineLayout layout() const { return layout_; }
 
 private:
-    // With one that the layer takes out.
+    // Includes a usage flag that the layer removes.
     [[nodiscard]] VkBufferUsageFlags usage() const
     {
         return VK_BUFFER_USAGE_RESOURCE_DESCRIPTOR_BUFFER_BIT_EXT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
@@ -145,7 +145,7 @@ protected:
         return driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE && !gpu().onLavapipe26();
     }
 
-    // By a ray query; micromap, BLAS and TLAS are built after everything was bound.
+    // Traces by a ray query; micromap, BLAS and TLAS are built after everything was bound.
     void expectQuery()
     {
         constexpr VkBufferUsageFlags kUsage =
@@ -174,8 +174,8 @@ protected:
         StateScene::expectRight(results);
     }
 
-    // For the null record, the layer copies the hit records when the trace is recorded, by a dispatch of its own.
-    // `between`: what is recorded after all is bound.
+    // For the null record, the layer copies the hit records by a dispatch of its own when the trace is recorded.
+    // `between`: called after everything is bound.
     void expectPipeline(const std::function<void(VkCommandBuffer)> &between, bool flags2 = false)
     {
         DescriptorTable table(gpu(), 6, {PipelineResources::kStages, 0, PipelineTracer::kPushSize});

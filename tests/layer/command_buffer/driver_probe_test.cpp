@@ -23,7 +23,8 @@ namespace
 
 const vt::Labels kLabels{{"Probes.*", "threads forcing"}, {"SynchronizedQueue.*", "threads one_api"}};
 
-// On a fresh device: nothing was tried yet. The validation layer below checks who uses the queue at the same time.
+// On a new device, on which no quirk was probed. The validation layer below checks that no two threads use the queue at
+// the same time.
 class Probes : public GpuTest
 {
 protected:
@@ -50,7 +51,7 @@ protected:
 };
 
 // Recorded first of all, so that the driver's way to serialize is not known yet.
-TEST_F(Probes, OfSerializationRunBesideTheApplicationsSubmissions)
+TEST_F(Probes, SerializationRunsDuringSubmissions)
 {
     const Blas blas(gpu(), {Geometry{.vertices = triangleRow(1)}});
     const QueryPool pool(gpu(), VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR, 4);
@@ -106,7 +107,7 @@ TEST_F(Probes, CreationOfShadersDoesNotWaitForTheQueue)
 }
 
 // On a queue that the driver synchronizes (VK_KHR_internally_synchronized_queues), other threads may submit while one
-// waits for it, which may be what it waits for.
+// waits for it, and it may wait for what they submit.
 TEST(SynchronizedQueue, SubmissionWhileAnotherThreadWaits)
 {
     Gpu gpu(Options{.validation = false});
@@ -129,9 +130,9 @@ TEST(SynchronizedQueue, SubmissionWhileAnotherThreadWaits)
                                                   .ppEnabledExtensionNames = extensions.data()});
     VkDevice device = VK_NULL_HANDLE;
     VT_CHECK(vkCreateDevice(gpu.physical(), &info, nullptr, &device));
-    const auto ask = vkInit<VkDeviceQueueInfo2>({.flags = queueInfo.flags, .queueFamilyIndex = gpu.family()});
+    const auto query = vkInit<VkDeviceQueueInfo2>({.flags = queueInfo.flags, .queueFamilyIndex = gpu.family()});
     VkQueue queue = VK_NULL_HANDLE;
-    vkGetDeviceQueue2(device, &ask, &queue);
+    vkGetDeviceQueue2(device, &query, &queue);
     ASSERT_NE(queue, VK_NULL_HANDLE);
     auto type = vkInit<VkSemaphoreTypeCreateInfo>({.semaphoreType = VK_SEMAPHORE_TYPE_TIMELINE});
     const auto semaphoreInfo = vkInit<VkSemaphoreCreateInfo>({.pNext = &type});

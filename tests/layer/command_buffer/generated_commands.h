@@ -192,7 +192,7 @@ public:
         VkPipelineLayout layout = VK_NULL_HANDLE;
         VkShaderStageFlags stages = 0;
         const ExecutionSet *set = nullptr;    // the sequences begin with an index into it: shader objects, pipelines
-        bool shaderObjects = false;           // what the set has
+        bool shaderObjects = false;           // contents of the set
         VkPipeline pipeline = VK_NULL_HANDLE; // without a set
         const void *shaderInfo = nullptr;     // of bound shader objects, without either
         VkPushConstantRange push{};           // of a size: what comes next
@@ -238,15 +238,15 @@ public:
         auto needed = vkInit<VkMemoryRequirements2>();
         vk_.memoryRequirements(gpu.device(), &memory, &needed);
         if (needed.memoryRequirements.size > 0)
-            makeRoom(needed.memoryRequirements);
+            growMemory(needed.memoryRequirements);
         info_ = {.pNext = chain,
                  .shaderStages = setup.stages,
                  .indirectExecutionSet = memory.indirectExecutionSet,
                  .indirectCommandsLayout = layout_,
                  .indirectAddress = input_.address(),
                  .indirectAddressSize = sequences.size_bytes(),
-                 .preprocessAddress = roomAddress_,
-                 .preprocessSize = roomAddress_ != 0 ? needed.memoryRequirements.size : 0,
+                 .preprocessAddress = preprocessAddress_,
+                 .preprocessSize = preprocessAddress_ != 0 ? needed.memoryRequirements.size : 0,
                  .maxSequenceCount = count,
                  .sequenceCountAddress = 0,
                  .maxDrawCount = 1};
@@ -256,8 +256,8 @@ public:
     ~GeneratedCommands()
     {
         vk_.destroyLayout(gpu_.device(), layout_, nullptr);
-        vkDestroyBuffer(gpu_.device(), room_, nullptr);
-        vkFreeMemory(gpu_.device(), roomMemory_, nullptr);
+        vkDestroyBuffer(gpu_.device(), preprocessBuffer_, nullptr);
+        vkFreeMemory(gpu_.device(), preprocessMemory_, nullptr);
     }
 
     // `state`: a command buffer that is being recorded, with all that is bound.
@@ -269,18 +269,18 @@ public:
 
 private:
     // A buffer whose usage needs more than 32 bits.
-    void makeRoom(const VkMemoryRequirements &needed)
+    void growMemory(const VkMemoryRequirements &needed)
     {
         const auto usage = vkInit<VkBufferUsageFlags2CreateInfoKHR>(
             {.usage = generated::kPreprocessBufferBit | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT});
         auto buffer = vkInit<VkBufferCreateInfo>({.pNext = &usage, .size = needed.size});
-        VT_CHECK(vkCreateBuffer(gpu_.device(), &buffer, nullptr, &room_));
+        VT_CHECK(vkCreateBuffer(gpu_.device(), &buffer, nullptr, &preprocessBuffer_));
         VkMemoryRequirements own{};
-        vkGetBufferMemoryRequirements(gpu_.device(), room_, &own);
+        vkGetBufferMemoryRequirements(gpu_.device(), preprocessBuffer_, &own);
         own.memoryTypeBits &= needed.memoryTypeBits;
-        roomMemory_ = gpu_.allocate(own);
-        VT_CHECK(vkBindBufferMemory(gpu_.device(), room_, roomMemory_, 0));
-        roomAddress_ = gpu_.address(room_);
+        preprocessMemory_ = gpu_.allocate(own);
+        VT_CHECK(vkBindBufferMemory(gpu_.device(), preprocessBuffer_, preprocessMemory_, 0));
+        preprocessAddress_ = gpu_.address(preprocessBuffer_);
     }
 
     Gpu &gpu_;
@@ -289,9 +289,9 @@ private:
     Buffer input_;
     generated::Handle layout_ = 0;
     generated::PipelineInfo pipelineInfo_;
-    VkBuffer room_ = VK_NULL_HANDLE;
-    VkDeviceMemory roomMemory_ = VK_NULL_HANDLE;
-    VkDeviceAddress roomAddress_ = 0;
+    VkBuffer preprocessBuffer_ = VK_NULL_HANDLE;
+    VkDeviceMemory preprocessMemory_ = VK_NULL_HANDLE;
+    VkDeviceAddress preprocessAddress_ = 0;
     generated::CommandsInfo info_{};
 };
 

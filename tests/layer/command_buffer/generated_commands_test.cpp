@@ -145,7 +145,7 @@ protected:
     GeneratedCommandsWithoutLayer() : GeneratedCommandsTest(false) {}
 };
 
-// By a VkTraceRaysIndirectCommand2KHR in each sequence.
+// A VkTraceRaysIndirectCommand2KHR in each sequence.
 class TracedRays
 {
 public:
@@ -209,7 +209,7 @@ public:
     }
 
 private:
-    // Those that the pipeline has.
+    // The stages of the pipeline.
     static constexpr VkShaderStageFlags kStages =
         PipelineResources::kStages & ~static_cast<VkShaderStageFlags>(VK_SHADER_STAGE_CALLABLE_BIT_KHR);
 

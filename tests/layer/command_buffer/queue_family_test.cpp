@@ -51,8 +51,8 @@ protected:
     }
 };
 
-// Results of queries may be copied, and queries reset, where no compute shader runs: "Supported Queue Types" of both
-// commands has graphics, too. Each form of result, from pools whose values are the layer's.
+// Query results may be copied, and queries reset, on queues without compute: "Supported Queue Types" of both commands
+// includes graphics. Tests each form of result, from pools whose values are written by the layer.
 TEST_F(QueueFamilies, QueryResultsWithoutCompute)
 {
     const Patchwork patchwork(gpu());

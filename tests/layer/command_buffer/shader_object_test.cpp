@@ -107,7 +107,7 @@ TEST_F(ShaderObject, BinariesFitOnlyWhereTheTablesAre)
     destroy(gpu().device(), shader, nullptr);
 
     {
-        // There at the same time, so it has its tables elsewhere.
+        // Exists at the same time, so its tables have other addresses.
         Gpu other(gpu().options());
         const Tracer otherTracer(other);
         TracerShader otherDescription(other, otherTracer);
@@ -121,14 +121,14 @@ TEST_F(ShaderObject, BinariesFitOnlyWhereTheTablesAre)
     }
 
     constexpr auto incompatible = static_cast<VkResult>(1000482000); // VK_INCOMPATIBLE_SHADER_BINARY_EXT
-    bytes[20] ^= 1;                                                  // as another device's would differ
+    bytes[20] ^= 1;                                                  // differs as with another device
     EXPECT_EQ(create(gpu().device(), 1, &info, nullptr, &shader), incompatible);
     EXPECT_EQ(shader, 0u);
     info.codeSize = 7;
     EXPECT_EQ(create(gpu().device(), 1, &info, nullptr, &shader), incompatible);
 }
 
-// As in the next run of a program: the tables are where they were, on lavapipe.
+// As in the next run of a program: on lavapipe, the tables get the same addresses.
 TEST(ShaderObjectBinary, FitsTheNextDevice)
 {
     const Options options{.validation = false, .spy = false, .shaderObject = true};

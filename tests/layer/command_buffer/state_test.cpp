@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Builds recorded between an application's state commands must not change that state.
-#include "gpu/programs/graphics.h"
 #include "command_buffer/state_scene.h"
+#include "gpu/programs/graphics.h"
 
 #include "harness/program/labels.h"
 #include "shaders/plain_fragment.h"
@@ -256,7 +256,7 @@ TEST_F(State, CommandBufferSubmittedTwice)
         expectSeen();
         scene_->expectRight();
     }
-    // And again after a reset, with other content.
+    // The command buffer is recorded again after a reset, with other content.
     auto info = vkInit<VkCommandBufferBeginInfo>();
     VT_CHECK(vkBeginCommandBuffer(commands, &info));
     scene_->record(commands);
@@ -269,9 +269,8 @@ TEST_F(State, CommandBufferSubmittedTwice)
     vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &commands);
 }
 
-// Builds are no commands that a predicate switches off (vk.xml: conditionalrendering="false").
-// Lavapipe 26 leaves out parts of a build where conditional rendering discards commands, and crashes. So it does
-// without the layer; the specification has no build that conditional rendering affects.
+// A predicate does not affect builds (vk.xml: conditionalrendering="false"). Lavapipe 26 skips parts of a build where
+// conditional rendering discards commands, and crashes, also without the layer.
 TEST_F(State, ConditionalRendering)
 {
     if (!gpu().has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))

@@ -11,7 +11,7 @@ const vt::Labels kLabels{{"SyncUnvalidated.*", "one_api"}, {"SyncWithoutLayer.*"
 
 using namespace vt;
 
-// Of VK_EXT_opacity_micromap. In VK_KHR_opacity_micromap the bits of acceleration structures stand for micromaps, too.
+// Stage and access of VK_EXT_opacity_micromap. VK_KHR_opacity_micromap uses the bits of acceleration structures.
 constexpr VkPipelineStageFlags2 kMicromapBuild = VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT;
 constexpr VkPipelineStageFlags2 kStructureBuild = VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR;
 constexpr VkAccessFlags2 kMicromapRead = VK_ACCESS_2_MICROMAP_READ_BIT_EXT;
@@ -103,7 +103,7 @@ protected:
     }
 };
 
-// Whether the spy below would see what these tests are about.
+// Checks that the spy below sees the faults that these tests are about.
 TEST(SyncWithoutLayer, TheSpyIsAwake)
 {
     Gpu gpu({.vellum = false, .validation = false, .micromaps = false});

@@ -2,8 +2,8 @@
 // A row of 64 pixels for the tests of draws by address: shaders/address_draws.glsl draws points that write numbers.
 #pragma once
 
-#include "gpu/programs/graphics.h"
 #include "device_address/address_ranges.h"
+#include "gpu/programs/graphics.h"
 
 namespace vt
 {
@@ -61,7 +61,7 @@ protected:
         const std::array<VkDeviceSize, 2> offsets{0, 0};
         vkCmdBindVertexBuffers(commands, 0, 2, buffers.data(), offsets.data());
     }
-    // Both draw the same, and something.
+    // Checks that both draw the same row, and that it is not empty.
     void expectSame(VkPipeline pipeline, const std::function<void(VkCommandBuffer)> &byAddress,
                     const std::function<void(VkCommandBuffer)> &byBuffer)
     {

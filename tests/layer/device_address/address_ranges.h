@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the tests of device address commands have in common: ranges of buffers, buffers that share memory, and commands
-// that have to be rejected.
+// Shared by the tests of device address commands: ranges of buffers, buffers that share memory, and commands that must
+// be rejected.
 #pragma once
 
 #include <random>
@@ -26,7 +26,7 @@ inline VkStridedDeviceAddressRangeKHR rangeOf(const Buffer &buffer, VkDeviceSize
     return {buffer.address() + offset, size, stride};
 }
 
-// Two buffers in the same memory, at the same address.
+// Two buffers bound to the same memory, so at the same address.
 class Aliases
 {
 public:
@@ -111,9 +111,10 @@ protected:
             EXPECT_EQ(m.id, "VELLUM-VUID-" + rule) << m.text;
             reported = true;
         }
-        EXPECT_TRUE(reported) << "nobody complained: " << rule;
+        EXPECT_TRUE(reported) << "not reported: " << rule;
     }
-    // What does no harm: told once, and done, unless the layer is strict. Returns whether it is done.
+    // A tolerated fault: one warning, and the command is executed unless the layer is strict. Returns true if it is
+    // executed.
     bool done(const std::string &rule, const std::function<void(VkCommandBuffer)> &record)
     {
         gpu().submit(record);

@@ -108,7 +108,7 @@ protected:
                (gpu().options().validation ? "" : hex(reinterpret_cast<uint64_t>(buffer)));
     }
 
-    // To another queue family goes what each buffer has of the range.
+    // A transfer to another queue family becomes a buffer barrier for each buffer in the range.
     void expectTransfers();
 
 private:
@@ -156,7 +156,7 @@ TEST_F(AddressBarriers, BehindOtherStructures)
     Texts barriers = barriersIn([&](VkCommandBuffer commands) { vkCmdPipelineBarrier2(commands, &info); });
     EXPECT_EQ(barriers, (Texts{kOwn, kRange}));
     EXPECT_EQ(first.pNext, dependency.info().pNext);
-    (void)takeOther(); // the validation layer's, about the structure that does not belong there
+    (void)takeOther(); // the validation layer's message about the structure in the wrong chain
 }
 
 void AddressBarriers::expectTransfers()
@@ -175,7 +175,7 @@ void AddressBarriers::expectTransfers()
     std::sort(barriers.begin(), barriers.end());
     std::sort(expected.begin(), expected.end());
     EXPECT_EQ(barriers, expected);
-    // With no buffer there, the memory barrier is what is left.
+    // If no buffer is in the range, only the memory barrier remains.
     EXPECT_EQ(barriersIn(Dependency({barrierOf({16, 32}, here, away)})), (Texts{kOwn, kRange}));
     EXPECT_EQ(takeOther(), Texts{"VELLUM-VUID-VkDeviceAddressRangeKHR-address-11365"});
 }
@@ -202,7 +202,7 @@ class AddressTransfers : public AddressBarriers
 protected:
     AddressTransfers() : AddressBarriers({.validation = false, .addressCommands = true}) {}
 };
-TEST_F(AddressTransfers, AreOfTheRightBuffers)
+TEST_F(AddressTransfers, UseTheRightBuffers)
 {
     expectTransfers();
 }

@@ -9,7 +9,7 @@
 namespace
 {
 
-// Of all suites in this folder.
+// The labels of all suites in this folder.
 const vt::Labels kLabels{{"Address*.*", "one_api strict_ext"}};
 
 using namespace vt;
@@ -85,30 +85,32 @@ TEST_F(AddressCopies, SecondaryCommandBuffers)
     EXPECT_EQ(bytesOf(to), bytesOf(from));
 }
 
-// Of buffers at the same address, the one whose usage allows it; whichever the address was asked of.
+// Of two buffers at the same address, the layer uses the one whose usage allows the command, whichever of them the
+// address was queried from.
 TEST_F(AddressCopies, AliasesWithDifferentUsage)
 {
-    for (const size_t asked : {0u, 1u}) {
+    for (const size_t queried : {0u, 1u}) {
         const Buffer from = randomBuffer(64, kSource);
         const Buffer to = buffer(64, kTarget);
         Aliases aliases(gpu(), 64, kSource, kTarget);
-        const VkDeviceAddress address = aliases.address(asked);
+        const VkDeviceAddress address = aliases.address(queried);
         gpu().submit([&](VkCommandBuffer commands) {
             copy(commands, copyRegion(rangeOf(from, 0, 64), {address, 64}));
             barrier(commands);
             copy(commands, copyRegion({address, 64}, rangeOf(to, 0, 64)));
         });
         EXPECT_EQ(bytesOf(to), bytesOf(from));
-        // When it is gone, the other one takes its place, unless the layer is strict (AddressCopiesHarmless).
-        aliases.destroy(asked);
+        // When that buffer is destroyed, the other one replaces it, unless the layer is strict (AddressCopiesHarmless).
+        aliases.destroy(queried);
         const auto back = copyRegion(rangeOf(from, 0, 64), {address, 64});
         const auto out = copyRegion({address, 64}, rangeOf(to, 0, 64));
         if (strictTests())
-            expectRejected(asked == 0 ? "VkDeviceMemoryCopyKHR-srcRange-13017" : "VkDeviceMemoryCopyKHR-dstRange-13018",
-                           [&](VkCommandBuffer commands) { copy(commands, asked == 0 ? out : back); });
-        aliases.destroy(1 - asked);
+            expectRejected(queried == 0 ? "VkDeviceMemoryCopyKHR-srcRange-13017"
+                                        : "VkDeviceMemoryCopyKHR-dstRange-13018",
+                           [&](VkCommandBuffer commands) { copy(commands, queried == 0 ? out : back); });
+        aliases.destroy(1 - queried);
         expectRejected("VkDeviceAddressRangeKHR-address-11365",
-                       [&](VkCommandBuffer commands) { copy(commands, asked == 0 ? back : out); });
+                       [&](VkCommandBuffer commands) { copy(commands, queried == 0 ? back : out); });
     }
 }
 
@@ -130,7 +132,7 @@ TEST_F(AddressCopies, DestroyedAliases)
         EXPECT_EQ(word, 0x12345678u);
 }
 
-// Of a secondary command buffer, which is recorded once and executed by two primary ones.
+// A secondary command buffer is recorded once and executed by two primary ones.
 TEST_F(AddressCopies, DestroyedAliasesInSecondaryCommandBuffers)
 {
     Decoys decoys(gpu());
@@ -250,7 +252,7 @@ public:
         vkDestroyImage(gpu_.device(), image_, nullptr);
         vkFreeMemory(gpu_.device(), memory_, nullptr);
     }
-    // One layer is in VK_IMAGE_LAYOUT_GENERAL, the others are in `optimal`.
+    // Image layer `layer` is in VK_IMAGE_LAYOUT_GENERAL, the others are in `optimal`.
     static VkImageLayout layoutOf(uint32_t layer, VkImageLayout optimal)
     {
         return layer == 1 ? VK_IMAGE_LAYOUT_GENERAL : optimal;
@@ -429,7 +431,7 @@ protected:
     }
 };
 
-TEST_F(AddressQueries, OfTheDriver)
+TEST_F(AddressQueries, DriverPools)
 {
     expectSame(VK_QUERY_TYPE_TIMESTAMP, [](VkCommandBuffer commands, VkQueryPool pool) {
         for (uint32_t i = 1; i < 3; ++i)
@@ -455,7 +457,7 @@ TEST_F(AddressQueries, DestroyedAliases)
     EXPECT_EQ(out.as<uint64_t>()[1], 1u);
 }
 
-TEST_F(AddressQueries, OfTheLayer)
+TEST_F(AddressQueries, LayerPools)
 {
     const Buffer storage = buffer(1 << 16, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
     const Buffer scratch = buffer(1 << 16, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
@@ -480,7 +482,7 @@ TEST_F(AddressQueries, OfTheLayer)
     gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), structure, nullptr);
 }
 
-// --- VK_AMD_buffer_marker, which the spy has where it is asked to ---
+// --- VK_AMD_buffer_marker, which the spy provides on request ---
 
 class AddressMarkers : public AddressTest
 {
@@ -583,7 +585,7 @@ TEST_F(AddressCopiesHarmless, Sizes)
     update("VkDeviceAddressRangeKHR-address-11365", rangeOf(to, 248, 4096));
 }
 
-TEST_F(AddressCopies, CommandsOfExtensionsThatTheDeviceLacksAreNotThere)
+TEST_F(AddressCopies, CommandsOfMissingExtensionsAreNull)
 {
     if (validationOfTests() == Validation::Above)
         GTEST_SKIP() << "the validation layer has all commands that it knows";

@@ -42,7 +42,7 @@ protected:
         return info;
     }
 
-    // What the row holds when points 0 .. count of these vertices were drawn.
+    // The expected row after points 0 .. count of these vertices were drawn.
     Row points(uint32_t count, uint32_t firstX, uint32_t firstValue, uint32_t valueStride) const
     {
         Row row(AddressGraphics::kWidth);
@@ -158,7 +158,7 @@ TEST_F(AddressDraws, VertexBuffers)
     EXPECT_EQ(row, points(20, 10, 3, 2));
 }
 
-// In one call, some strides are set and others stay.
+// One call that sets some strides and keeps others.
 TEST_F(AddressDraws, VertexBuffersWithStrides)
 {
     const VkPipeline pipeline = graphics().pipeline(AddressGraphics::Kind::DynamicStrides);
@@ -199,7 +199,7 @@ TEST_F(AddressDraws, RejectsWrongVertexBuffers)
                             "VkBindVertexBuffer3InfoKHR-addressRange-13074", bind, false);
     expectRejected("VkBindVertexBuffer3InfoKHR-addressRange-13075",
                    [&](VkCommandBuffer commands) { bind(commands, rangeOf(values(), 0, 0)); });
-    // Nothing of a rejected call is bound.
+    // A rejected call binds nothing.
     const VkPipeline pipeline = graphics().pipeline(AddressGraphics::Kind::StaticStrides);
     const Row row = graphics().render(pipeline, [&](VkCommandBuffer commands) {
         bindVertices(commands);
@@ -269,7 +269,7 @@ TEST_F(AddressIndicesMaintenance6, Bound)
 {
     expectIndices();
 }
-// With VK_KHR_maintenance5, which takes sizes of index buffers.
+// With VK_KHR_maintenance5, which adds the size of index buffers.
 class AddressIndicesMaintenance5 : public AddressIndices
 {
 protected:
@@ -328,8 +328,8 @@ TEST_F(AddressDraws, MeshTasksIndirect)
                  [](VkCommandBuffer) {});
 }
 
-// What a driver has nothing against. Validation below would.
-// Vertices, indices, and the arguments and counts of draws.
+// Drivers accept this; the validation layer below would report it. Tests vertices, indices, and the arguments and
+// counts of draws.
 TEST_F(AddressDraws, DestroyedAliases)
 {
     Decoys decoys(gpu());
@@ -368,8 +368,8 @@ class AddressDrawsHarmless : public AddressDraws
 {
 protected:
     AddressDrawsHarmless() : AddressDraws({.validation = false, .addressCommands = true}) {}
-    // Draws with a wrong range, told by one message of that rule, as with the right one; nothing where the layer is
-    // strict.
+    // A draw with a wrong range gives one message of this rule and draws like one with the right range, or nothing if
+    // the layer is strict.
     void expectDrawn(const std::string &rule, const std::function<void(VkCommandBuffer)> &wrong,
                      const std::function<void(VkCommandBuffer)> &right)
     {
@@ -561,7 +561,7 @@ TEST_F(AddressDispatches, ConditionalRendering)
     });
     // 1 + 2 for the dispatch of two groups, 1 + 2 + 3 + 4 for that of four.
     EXPECT_EQ(takeSums()[0], 13u);
-    // Rejected: nothing is discarded, and its end is left out too.
+    // Rejected: nothing is discarded, and the layer skips the vkCmdEndConditionalRenderingEXT.
     expectBadRangesRejected(
         predicates, other, "VkDeviceAddressRangeKHR", "VkConditionalRenderingBeginInfo2EXT-addressRange-13064",
         [&](VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range) {
@@ -611,7 +611,7 @@ TEST_F(AddressDispatches, ConditionalRenderingAroundInjectedWork)
     const Buffer predicates = buffer(64, VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
     const Buffer out = buffer(64, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
     std::memset(out.bytes(), 0x5a, 64);
-    // the layer's
+    // written by the layer
     const QueryPool pool(gpu(), VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR);
     gpu().submit([&](VkCommandBuffer commands) {
         vkCmdResetQueryPool(commands, pool, 0, 1);

@@ -118,7 +118,7 @@ TEST_F(AddressFeedback, DestroyedAliases)
     EXPECT_EQ(counters.as<uint32_t>()[5], 24u);
 }
 
-// What lies past the range, in the buffer, is not captured.
+// Bytes of the buffer beyond the range are not captured.
 TEST_F(AddressFeedback, EndsWithTheRange)
 {
     const Buffer captured = buffer(256, kCaptured);
@@ -181,7 +181,7 @@ TEST_F(AddressFeedback, RejectsWrongRanges)
         inRender(ending + "13096", {0, 0}, rangeOf(other, 0, 4), true);
 }
 
-// What a driver has nothing against. Validation below would.
+// Drivers accept this; the validation layer below would report it.
 class AddressFeedbackHarmless : public AddressFeedback
 {
 protected:

@@ -37,8 +37,8 @@ protected:
         GpuTest::TearDown();
     }
 
-    // What does no harm is built, reported by one message: the micromap has one triangle of each state. A strict layer
-    // rejects it.
+    // A tolerated fault: one warning, and the micromap is built with one triangle of each state. A strict layer rejects
+    // it.
     void expectBuilt(const char *rule, const std::function<void(VkMicromapBuildInfoEXT &)> &change,
                      const std::vector<int> &expected = {-1, 0, 1, 1})
     {
@@ -61,17 +61,17 @@ protected:
     // Vellum reports an error, and no layer below it does.
     void expectFinding(const char *rule)
     {
-        bool complained = false;
+        bool isReported = false;
         for (const Message &m : gpu().takeUnexpectedMessages()) {
             if (m.fromVellum() && m.severity == expectedSeverity(m)) {
                 EXPECT_NE(m.id.find(rule), std::string::npos) << m.id << ": " << m.text;
                 EXPECT_FALSE(m.text.empty());
-                complained = true;
+                isReported = true;
             } else {
                 ADD_FAILURE() << "from elsewhere: " << m.id << ": " << m.text;
             }
         }
-        EXPECT_TRUE(complained) << "no message";
+        EXPECT_TRUE(isReported) << "no message";
     }
 
     void expectStillWorking()
@@ -92,10 +92,10 @@ protected:
         gpu().submit([&](VkCommandBuffer commands) { recordMicromapBuilds(gpu(), commands, builds); });
     }
     VkMicromapBuildSizesInfoEXT sizesOf(const VkMicromapBuildInfoEXT &info) { return micromapSizes(gpu(), info); }
-    // What the rule is called in VK_EXT_opacity_micromap and in VK_KHR_opacity_micromap.
+    // The rule's id in VK_EXT_opacity_micromap or in VK_KHR_opacity_micromap.
     const char *id(const char *ext, const char *khr) { return gpu().khr() ? khr : ext; }
 
-    // What the shader sees of a row of triangles with that attachment: -1 nothing, 0 a committed hit, 1 a candidate.
+    // The result of a ray at each triangle of a row with that attachment: -1 nothing, 0 a committed hit, 1 a candidate.
     std::vector<int> seen(const Attachment &attachment, uint32_t triangles)
     {
         Geometry geometry{.vertices = triangleRow(triangles)};
@@ -164,7 +164,7 @@ TEST_F(BadInput, LevelsAndFormats)
     });
 }
 
-// What only VK_EXT_opacity_micromap has.
+// Rules that exist in VK_EXT_opacity_micromap only.
 class BadInputExt : public BadInput
 {
 protected:
@@ -177,7 +177,7 @@ TEST_F(BadInputExt, Type)
     expectFinding("VUID-VkMicromapBuildInfoEXT-type-parameter");
 }
 
-// One of them is VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR, which is no flag of this extension.
+// One of the flags is VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR, which this extension does not have.
 TEST_F(BadInputExt, UnknownFlags)
 {
     MicromapInput input;
@@ -211,7 +211,7 @@ TEST_F(BadInput, TriangleArrayStride)
 {
     // A rule of VK_KHR_opacity_micromap's; the layer takes any stride of 8 bytes or more.
     gpu().breaks("VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11647");
-    // Four times the first triangle, and triangles between which lies what is none.
+    // The first triangle four times (stride 0), and a stride that is too small for a record.
     const char *rule = id("VELLUM-micromap-stride", "triangleArrayStride-11646");
     expectBuilt(rule, [](VkMicromapBuildInfoEXT &info) { info.triangleArrayStride = 0; }, {-1, -1, -1, -1});
     expectBuilt(rule, [](VkMicromapBuildInfoEXT &info) { info.triangleArrayStride = 4; }, {-1, 1, 0, 1});
@@ -258,7 +258,7 @@ TEST_F(BadInputExt, CreateBeyondTheBuffer)
     }
 }
 
-// As much of it as lies in the buffer can be built, and no more.
+// A micromap whose size exceeds its buffer can be built if what is used of it lies in the buffer.
 TEST_F(BadInputExt, BuiltInWhatReachesBeyondTheBuffer)
 {
     if (strictTests())
@@ -305,7 +305,7 @@ TEST_F(BadInput, CountsThatOverflow)
 
 TEST_F(BadInput, NoUsageAtAll)
 {
-    // No counts are no triangles.
+    // Without counts there are no triangles.
     buildWith([](VkMicromapBuildInfoEXT &info) {
         info.usageCountsCount = 0;
         info.pUsageCounts = nullptr;
@@ -318,7 +318,7 @@ TEST_F(BadInput, NoUsageAtAll)
     expectFinding(id("07516", "VkAccelerationStructureGeometryMicromapDataKHR-pUsageCounts-11642"));
 }
 
-// Of VK_KHR_opacity_micromap: MicromapStructureRejected.BuildsAndTheirMemory.
+// MicromapStructureRejected.BuildsAndTheirMemory is the same test for VK_KHR_opacity_micromap.
 TEST_F(BadInputExt, AddressesAndScratchMemory)
 {
     const std::vector<uint8_t> before(micromap_->memory(), micromap_->memory() + micromap_->size());
@@ -351,7 +351,7 @@ TEST_F(BadInputExt, UnalignedInput)
         const VkMicromapUsageEXT three{3, 4, kFourState};
         info.usageCountsCount = 1;
         info.pUsageCounts = &three;
-        // Without the first triangle, or with each triangle's data taken for that of the one before it.
+        // Skips the first triangle record, or shifts the data by one triangle.
         if (data)
             info.data.deviceAddress += bytes;
         else
@@ -393,7 +393,7 @@ TEST_F(BadInputExt, CreateTypeAndFlags)
 
 TEST_F(BadInput, RejectsOneAmongGoodOnes)
 {
-    // Of two builds in one command the good one may be done or not, the bad one must not be.
+    // Of two builds in one command the valid one may be executed, the invalid one must not be.
     MicromapInput input;
     input.add(2, kFourState, std::vector<uint8_t>(16, 1));
     Micromap other(gpu(), std::move(input));
@@ -404,7 +404,8 @@ TEST_F(BadInput, RejectsOneAmongGoodOnes)
     expectFinding(id("vkCmdBuildMicromapsEXT-pInfos-10896", "micromap-11550"));
 }
 
-// From here on: content that only the device sees. No message, but a defined picture: what lies outside is unknown.
+// The tests from here on use content that only the device sees. There is no message, but the result is defined:
+// anything outside is unknown.
 
 TEST_F(BadInput, DataBeyondTheBuffer)
 {

@@ -21,7 +21,7 @@ protected:
     void buildIndirectly(const Structure &structure, std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges,
                          std::vector<uint32_t> most)
     {
-        // Each range is followed by as much that is none.
+        // After each range is an invalid one, which the stride skips.
         std::vector<VkAccelerationStructureBuildRangeInfoKHR> strided;
         for (const auto &range : ranges) {
             strided.push_back(range);
@@ -121,7 +121,7 @@ TEST_F(CapableDriver, IndirectTopLevel)
         buildIndirectly(indirect, {{2, skipped, 0, 0}}, {4});
         const auto seenBefore = vt::seen(gpu(), indirect, rays);
         EXPECT_EQ(seenBefore, vt::seen(gpu(), direct, rays));
-        // The same structure again, with more.
+        // The same structure again, with more triangles.
         buildIndirectly(indirect, {{4, 0, 0, 0}}, {4});
         EXPECT_NE(vt::seen(gpu(), indirect, rays), seenBefore);
         buildIndirectly(indirect, {{0, 0, 0, 0}}, {4});
@@ -229,8 +229,8 @@ TEST_F(CapableDriverKhr, CaptureReplayOfMicromaps)
     for (int run = 0; run < 2; ++run) { // capture, then replay
         VkAccelerationStructureKHR micromap = VK_NULL_HANDLE;
         ASSERT_EQ(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &create, nullptr, &micromap), VK_SUCCESS);
-        auto ask = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = micromap});
-        EXPECT_EQ(gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &ask),
+        auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = micromap});
+        EXPECT_EQ(gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &query),
                   create.addressRange.address);
         gpu().submit([&](VkCommandBuffer commands) { recordCopy(gpu(), commands, source.handle().khr, micromap); });
         gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), micromap, nullptr);

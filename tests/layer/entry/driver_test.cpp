@@ -25,9 +25,9 @@ private:
     const char *name_;
 };
 
-// Of memory that is local to the device and visible to the host there is little, on some: the layer's tables go
-// elsewhere then.
-TEST(Driver, WithoutLocalMemoryLeft)
+// Some devices have little memory that is both local to the device and visible to the host: without it, the layer's
+// tables are in other memory.
+TEST(Driver, NoLocalMemoryLeft)
 {
     std::unique_ptr<Gpu> gpu;
     {
@@ -63,7 +63,7 @@ void nameMicromap(Api api)
             {.objectType = kind, .objectHandle = handle, .tagSize = 1, .pTag = "x"});
         function(PFN_vkSetDebugUtilsObjectTagEXT{}, "vkSetDebugUtilsObjectTagEXT")(gpu.device(), &tag);
         auto marker = vkInit<VkDebugMarkerObjectNameInfoEXT>();
-        marker.objectType = static_cast<VkDebugReportObjectTypeEXT>(kind); // the same numbers
+        marker.objectType = static_cast<VkDebugReportObjectTypeEXT>(kind); // both enumerations have the same values
         marker.object = handle;
         marker.pObjectName = "leaves";
         function(PFN_vkDebugMarkerSetObjectNameEXT{}, "vkDebugMarkerSetObjectNameEXT")(gpu.device(), &marker);
@@ -84,12 +84,12 @@ void nameMicromap(Api api)
     set(VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(blas.handle()));
     for (const Message &m : gpu.takeUnexpectedMessages())
         ADD_FAILURE() << m.id << ": " << m.text;
-    // The spy would have told.
-    const auto stranger = reinterpret_cast<uint64_t>(&gpu);
+    // The spy would have reported it.
+    const auto unknown = reinterpret_cast<uint64_t>(&gpu);
     auto marker = vkInit<VkDebugMarkerObjectNameInfoEXT>(
         {.objectType = VK_DEBUG_REPORT_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR_EXT,
-         .object = stranger,
-         .pObjectName = "stranger"});
+         .object = unknown,
+         .pObjectName = "unknown"});
     reinterpret_cast<PFN_vkDebugMarkerSetObjectNameEXT>(
         vkGetDeviceProcAddr(gpu.device(), "vkDebugMarkerSetObjectNameEXT"))(gpu.device(), &marker);
     EXPECT_EQ(gpu.takeUnexpectedMessages().size(), 1u);
@@ -105,8 +105,8 @@ TEST(Driver, NamesOfMicromapStructuresStayInTheLayer)
     nameMicromap(Api::Khr);
 }
 
-// 1,000 triangles that share the data of one: as much as the usage counts have space for would reach from the data into
-// the micromap behind it, in the same buffer. Transfers must not overlap; the validation layer would tell.
+// 1,000 triangles that share the data of one. The usage counts would allow data that reaches into the micromap behind
+// it, in the same buffer. Transfers must not overlap; the validation layer would report it.
 TEST(Driver, InputAndMicromapInOneBuffer)
 {
     Gpu gpu(Options{.api = Api::Ext});
@@ -144,7 +144,7 @@ TEST(Driver, InputAndMicromapInOneBuffer)
         ADD_FAILURE() << m.id << ": " << m.text;
 }
 
-// What messages that an application sends itself name: object by object, by VK_EXT_debug_utils and, the last one, by
+// The objects that a message names which the application submits itself: by VK_EXT_debug_utils and, the last one, by
 // VK_EXT_debug_report.
 using Named = std::vector<std::pair<int, uint64_t>>;
 
@@ -163,7 +163,7 @@ VKAPI_ATTR VkBool32 VKAPI_CALL noteObject(VkDebugReportFlagsEXT, VkDebugReportOb
     return VK_FALSE;
 }
 
-// Objects of the layer's own keep their handles and names, but below the layer nobody looks them up by their type. The
+// Objects of the layer's own keep their handles and names, but nothing below the layer looks them up by their type. The
 // messengers are below it.
 TEST(Driver, MessagesOfTheApplicationNameNoMicromaps)
 {
@@ -224,8 +224,8 @@ TEST(Driver, MessagesOfTheApplicationNameNoMicromaps)
     }
 }
 
-// Copies of query results are recorded with memory of the layer's: not with an allocation each, of which there may be
-// no more than maxMemoryAllocationCount.
+// Copies of query results need memory of the layer. They share allocations, as there may be no more than
+// maxMemoryAllocationCount.
 TEST(Driver, ManyCopiesOfQueryResults)
 {
     Gpu gpu(Options{.api = Api::Ext});
@@ -255,9 +255,9 @@ TEST(Driver, ManyCopiesOfQueryResults)
         ADD_FAILURE() << m.id << ": " << m.text;
 }
 
-// VK_NV_displacement_micromap is built on the driver's own VK_EXT_opacity_micromap, and its structures carry a
-// VkMicromapEXT: beside emulated micromaps there is none.
-TEST(Driver, NoDisplacementBesideEmulation)
+// VK_NV_displacement_micromap builds on the driver's own VK_EXT_opacity_micromap, and its structures carry a
+// VkMicromapEXT. The layer does not offer it if it emulates micromaps.
+TEST(Driver, NoDisplacementWithEmulation)
 {
     const Environment force("VELLUM_IMPLEMENTATION", "emulated");
     auto gpu = std::make_unique<Gpu>(Options{.validation = false, .quirks = "displacement", .api = Api::Ext});
@@ -302,8 +302,8 @@ TEST(Driver, NoDisplacementBesideEmulation)
     EXPECT_EQ(reported, std::vector<std::string>{"VELLUM-conflicting-extension"});
 }
 
-// The driver has both, but with an extension that it lacks micromaps are the layer's.
-TEST(Driver, NoDisplacementBesideWhatTheDriverLacks)
+// The driver has both, but lacks an extension that is needed to translate, so micromaps are emulated.
+TEST(Driver, NoDisplacementWithPartialSupport)
 {
     auto gpu = std::make_unique<Gpu>(Options{.validation = false, .quirks = "displacement", .api = Api::Khr});
     const float priority = 1;
@@ -339,7 +339,7 @@ constexpr Conflicting kConflicting[]{
     {"VK_AMDX_dense_geometry_format", 1000478000, true},
     {"VK_EXT_descriptor_heap", 1000135009, true},
 };
-// As long as the longest of them.
+// Large enough for each of them.
 struct ConflictingFeatures {
     VkStructureType sType;
     void *pNext = nullptr;
@@ -391,8 +391,8 @@ TEST(Driver, ExtensionsThatConflictWithMicromaps)
                         .quirks = translated ? "vendors,ext" : "vendors",
                         .micromaps = false,
                         .api = Api::Khr});
-        const std::vector<const char *> ours{"VK_KHR_acceleration_structure", "VK_KHR_deferred_host_operations",
-                                             "VK_KHR_device_address_commands", "VK_KHR_opacity_micromap"};
+        const std::vector<const char *> required{"VK_KHR_acceleration_structure", "VK_KHR_deferred_host_operations",
+                                                 "VK_KHR_device_address_commands", "VK_KHR_opacity_micromap"};
         for (const Conflicting &one : kConflicting) {
             SCOPED_TRACE(one.extension);
             EXPECT_TRUE(lists(gpu, one.extension));
@@ -408,9 +408,9 @@ TEST(Driver, ExtensionsThatConflictWithMicromaps)
             EXPECT_TRUE(micromaps.micromap);
 
             EXPECT_EQ(createDevice(gpu, {one.extension}, &alone), VK_SUCCESS);
-            std::vector<const char *> both = ours;
+            std::vector<const char *> both = required;
             both.push_back(one.extension);
-            // What the query returned, which is what vkd3d-proton enables.
+            // The features that the query returned, as vkd3d-proton enables them.
             EXPECT_EQ(createDevice(gpu, both, &micromaps) == VK_SUCCESS, !conflicts || one.features != 0);
             warningsOf(gpu);
             micromaps.pNext = &alone;
@@ -425,19 +425,19 @@ TEST(Driver, ExtensionsThatConflictWithMicromaps)
                 EXPECT_NE(m.text.find("VK_KHR_opacity_micromap"), std::string::npos) << m.text;
             }
         }
-        // Without KHR, injected work is what remains on a translated device.
+        // Without KHR, a translated device differs only by injected work.
         ConflictingFeatures heap{static_cast<VkStructureType>(1000135009), nullptr, VK_TRUE};
-        EXPECT_EQ(createDevice(gpu, {ours[0], ours[1], ours[2], "VK_EXT_descriptor_heap"}, &heap),
+        EXPECT_EQ(createDevice(gpu, {required[0], required[1], required[2], "VK_EXT_descriptor_heap"}, &heap),
                   VK_ERROR_EXTENSION_NOT_PRESENT);
         ConflictingFeatures dense{static_cast<VkStructureType>(1000478000), nullptr, VK_TRUE};
-        EXPECT_EQ(createDevice(gpu, {ours[0], ours[1], ours[2], "VK_AMDX_dense_geometry_format"}, &dense),
+        EXPECT_EQ(createDevice(gpu, {required[0], required[1], required[2], "VK_AMDX_dense_geometry_format"}, &dense),
                   translated ? VK_SUCCESS : VK_ERROR_EXTENSION_NOT_PRESENT);
         gpu.takeMessages();
     }
 }
 
-// An extension for ray tracing that the layer does not know may build structures, or trace rays, in a way that it does
-// not see.
+// An unknown extension for ray tracing may build structures, or trace rays, by commands that the layer does not
+// intercept.
 TEST(Driver, UnknownExtensionForRayTracing)
 {
     Gpu gpu(Options{.validation = false, .spy = false, .quirks = "vendors", .micromaps = false, .api = Api::Khr});
@@ -457,7 +457,8 @@ TEST(Driver, UnknownExtensionForRayTracing)
     EXPECT_EQ(std::ranges::count(messages, "VELLUM-unknown-extension", &Message::id), 1);
 }
 
-// A device of several physical devices, of which lavapipe has one: the layer rejects it before the driver is asked.
+// The layer rejects a device with a group of physical devices before it calls the driver. On lavapipe, the group has
+// one.
 TEST(Driver, GroupOfPhysicalDevices)
 {
     for (const Api api : {Api::Ext, Api::Khr}) {

@@ -101,7 +101,7 @@ public:
         while (calls_ < count)
             std::this_thread::yield();
     }
-    // From now on none is in the layer.
+    // After this call, no thread is in the layer.
     void rest(size_t count)
     {
         busy_ = false;
@@ -133,7 +133,7 @@ int main(int argc, char **argv)
         return 0;
     }
     VkDevice device = makeDevice(loader, instance);
-    static Threads threads(count, loader, instance, device); // which may outlive main()
+    static Threads threads(count, loader, instance, device); // may outlive main()
     if (way == "exit")
         return 0;
     if (way == "_exit")
@@ -152,7 +152,7 @@ int main(int argc, char **argv)
     threads.rest(count);
     if (way == "instance" || way == "dlclose-after-instance") {
         COMMAND(vkDestroyInstance)(instance, nullptr);
-        if (way == "instance") { // a later one is not taken for the one that is gone
+        if (way == "instance") { // a later one is not confused with the destroyed one
             instance = makeInstance(loader, layers);
             device = makeDevice(loader, instance);
             COMMAND(vkDeviceWaitIdle)(device);

@@ -14,7 +14,7 @@ namespace
 
 using namespace vt;
 
-// Without Vellum's layer above.
+// Options without the Vellum layer above the driver.
 Options alone(const char *quirks)
 {
     return {.vellum = false, .validation = false, .quirks = quirks, .api = Api::Ext, .memory = Memory::Apart};
@@ -51,7 +51,7 @@ TEST(ExtDriver, HasMicromapsOfItsOwn)
         ADD_FAILURE() << m.id << ": " << m.text;
 }
 
-// What must not reach it: everything that VK_EXT_opacity_micromap does not know.
+// The driver reports everything that VK_EXT_opacity_micromap does not have.
 TEST(ExtDriver, ReportsTheOtherExtensions)
 {
     Gpu gpu(alone("ext"));
@@ -98,7 +98,7 @@ TEST(ExtDriver, ReportsTheOtherExtensions)
     expectReported("OpacityMicromapIdKHR");
 }
 
-// Says that it has none, and rewrites what it gets all the same: shaders have what Vellum's layer put into them, and
+// Says that it has none, and rewrites what it gets nevertheless: shaders have what Vellum's layer put into them, and
 // more.
 TEST(EmulatingDriver, ReportsNothing)
 {

@@ -3,9 +3,9 @@
 // by a result or a message, nothing leaks, and the same works once there is memory again.
 #include <algorithm>
 
+#include "command_buffer/state_scene.h"
 #include "gpu/copies.h"
 #include "gpu/pipeline_tracer.h"
-#include "command_buffer/state_scene.h"
 #include "harness/harness.h"
 #include "harness/mock_driver.h"
 #include "harness/states.h"
@@ -97,17 +97,17 @@ protected:
     {
         failEach([&](const WhileItFails &whileItFails) {
             gpu().submit([&](VkCommandBuffer commands) { whileItFails([&] { record(commands); }); });
-            gpu().submit([](VkCommandBuffer) {}); // what shaders found is told when the next one begins
+            gpu().submit([](VkCommandBuffer) {}); // findings of shaders are reported with the next submission
             return true;
         });
     }
 
-    std::function<bool()> isRight_; // what was made then
+    std::function<bool()> isRight_; // checks the created object
     std::string lastText_;          // of the layer's messages
-    bool hasOtherPath_ = false;     // that need not be reported: the smaller allocation, a shader for any driver
+    bool hasOtherPath_ = false; // with a fallback that is not reported: a smaller allocation, a shader for any driver
 };
 
-// Whose ray flags come from a buffer: the driver is tried with a ray.
+// Its ray flags come from a buffer, so the layer probes the driver with a ray.
 TEST_F(Failures, ShaderModule)
 {
     const std::vector<uint32_t> code = gpu().code(tracer_comp);
@@ -126,7 +126,7 @@ TEST_F(Failures, ShaderModule)
 TEST_F(Failures, RayTracingPipeline)
 {
     for (const uint32_t count : {1u, 2u}) {
-        hasOtherPath_ = count > 1; // those of one call are made one by one where one cannot be made
+        hasOtherPath_ = count > 1; // objects of one call are created one by one if one fails
         const auto make = [&](Device &, const PipelineSetup &setup) {
             const PipelineInfo info(gpu(), setup);
             const std::vector<VkRayTracingPipelineCreateInfoKHR> infos(count, info.get());
@@ -312,14 +312,13 @@ TEST_F(Failures, QueryPools)
     });
 }
 
-// See complaints().
 class FailuresUnvalidated : public Failures
 {
 protected:
     FailuresUnvalidated() : Failures({.validation = false, .quirks = "failures"}) {}
 };
 
-// What is recorded is lost with the device, and everything can be destroyed.
+// Recorded work is lost with the device, and everything can be destroyed.
 TEST_F(FailuresUnvalidated, DeviceLost)
 {
     StateScene scene(gpu());

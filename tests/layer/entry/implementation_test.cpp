@@ -15,7 +15,7 @@ const vt::Labels kLabels{{"ImplementationSetting.*", "one_api"}};
 
 using namespace vt;
 
-// What an instance with the setting offers.
+// The extensions that an instance with the setting offers.
 struct Offer {
     bool ext = false, khr = false;
     std::string description; // of the tool

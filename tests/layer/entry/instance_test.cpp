@@ -59,7 +59,7 @@ class OldInstance : public testing::TestWithParam<bool>
 {
 };
 
-TEST_P(OldInstance, NothingNewerIsCalled)
+TEST_P(OldInstance, NoNewerCommandIsCalled)
 {
     std::vector<std::string> messages;
     auto messenger =

@@ -18,7 +18,7 @@ constexpr VkMemoryPropertyFlags kCoherent = VK_MEMORY_PROPERTY_HOST_COHERENT_BIT
 class MemoryTypes : public testing::Test
 {
 protected:
-    // Of exactly those properties.
+    // A memory type of exactly those properties.
     static uint32_t type(const Gpu &gpu, VkMemoryPropertyFlags flags)
     {
         VkPhysicalDeviceMemoryProperties memory;
@@ -41,8 +41,8 @@ protected:
     }
 };
 
-// Without the feature deviceCoherentMemory an application may not use such memory, and nor may the layer for it
-// (VUID-vkAllocateMemory-deviceCoherentMemory-02790), though it is local and visible.
+// Without the feature deviceCoherentMemory an application must not use such memory
+// (VUID-vkAllocateMemory-deviceCoherentMemory-02790), so the layer must not either, even if it is local and visible.
 TEST_F(MemoryTypes, UsesNoTypeThatNeedsAFeature)
 {
     Gpu gpu(Options{.validation = false, .quirks = "uncached"});
@@ -62,8 +62,8 @@ TEST_F(MemoryTypes, AllocatesNoMoreThanTheHeap)
     expectNoMessages(gpu);
 }
 
-// Of memory that is local and visible there is little on many devices, and it is the application's: what only the GPU
-// uses lies elsewhere.
+// Many devices have little memory that is local and visible, and applications need it. Data that only the GPU uses is
+// in other memory.
 TEST_F(MemoryTypes, KeepsTheWindowForTheApplication)
 {
     Gpu gpu(Options{.validation = false, .quirks = "window"});
@@ -75,7 +75,7 @@ TEST_F(MemoryTypes, KeepsTheWindowForTheApplication)
     VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
     VT_CHECK(gpu.vk().CreateAccelerationStructureKHR(gpu.device(), &info, nullptr, &structure));
     VkCommandBuffer commands = gpu.begin();
-    // The driver may write as many bytes as the handle has, to memory of the layer's.
+    // The driver may write as many bytes as the size in the handle, to memory of the layer.
     auto copy = vkInit<VkCopyAccelerationStructureToMemoryInfoKHR>({.src = structure});
     copy.dst.deviceAddress = (data.address() + 255) & ~VkDeviceAddress{255};
     copy.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
@@ -131,9 +131,9 @@ TEST_F(MemoryTypes, HostCommandsOnMemoryThatIsNotCoherent)
     const VkCopyMicromapInfoEXT toIt = copyInfo(other.handle().ext, micromap);
     gpu.submit([&](VkCommandBuffer commands) { gpu.vk().CmdCopyMicromapEXT(commands, &toIt); });
     VkDeviceSize sizes[2]{};
-    const VkMicromapEXT asked[]{micromap, other.handle().ext};
-    VT_CHECK(gpu.vk().WriteMicromapsPropertiesEXT(gpu.device(), 2, asked, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT,
-                                                  sizeof sizes, sizes, sizeof sizes[0]));
+    const VkMicromapEXT queried[]{micromap, other.handle().ext};
+    VT_CHECK(gpu.vk().WriteMicromapsPropertiesEXT(
+        gpu.device(), 2, queried, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT, sizeof sizes, sizes, sizeof sizes[0]));
     EXPECT_EQ(sizes[0], sizes[1]);
     gpu.vk().DestroyMicromapEXT(gpu.device(), micromap, nullptr);
     vkDestroyBuffer(gpu.device(), buffer, nullptr);

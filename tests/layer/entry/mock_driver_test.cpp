@@ -20,7 +20,7 @@ protected:
             Options{.vellum = false, .validation = false, .spy = false, .quirks = quirks, .micromaps = false});
     }
     Gpu &gpu() { return *gpu_; }
-    // One message from the driver, with that in it.
+    // Expects messages of the driver only, each of which contains `part`.
     void expectReported(const std::string &part)
     {
         const auto messages = gpu().takeMessages();
@@ -72,7 +72,7 @@ TEST_F(MockDriver, FewPushConstants)
     expectReported("size-00298");
 }
 
-// Which another device of the process gets, as one that tests share does.
+// Another device of the process receives the messages, as the device that tests share does.
 TEST_F(MockDriver, MessagesOfOtherTestsAreDropped)
 {
     Gpu shared(Options{.vellum = false, .validation = false, .spy = false, .quirks = "push128", .micromaps = false});
@@ -113,7 +113,7 @@ TEST_F(MockDriver, AHeapThatIsFull)
     EXPECT_TRUE(gpu().takeMessages().empty());
 }
 
-TEST_F(MockDriver, MemoryOfSomebodyElse)
+TEST_F(MockDriver, ImportedMemory)
 {
     make("dirty");
     auto info = vkInit<VkMemoryAllocateInfo>({.allocationSize = 4096});
@@ -139,13 +139,14 @@ TEST_F(MockDriver, ScratchMemoryThatIsAllUsed)
             gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
         });
     };
-    const Buffer room(gpu(), 2 * size, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    std::memset(room.bytes(), 1, static_cast<size_t>(room.size()));
-    build(room.address());
+    const Buffer buffer(gpu(), 2 * size,
+                        VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    std::memset(buffer.bytes(), 1, static_cast<size_t>(buffer.size()));
+    build(buffer.address());
     EXPECT_TRUE(gpu().takeMessages().empty());
-    EXPECT_NE(room.bytes()[size - 8], 1);
-    EXPECT_EQ(room.bytes()[size], 1);
-    build(room.address() + room.size() - size + 128);
+    EXPECT_NE(buffer.bytes()[size - 8], 1);
+    EXPECT_EQ(buffer.bytes()[size], 1);
+    build(buffer.address() + buffer.size() - size + 128);
     expectReported("scratch memory");
 }
 
@@ -158,6 +159,15 @@ TEST_F(MockDriver, SmallWorkgroups)
     vkCmdDispatch(commands, 0, 65536, 1);
     vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &commands);
     expectReported("groupCountX-00386");
+}
+
+TEST_F(MockDriver, NoRayQueries)
+{
+    make("noqueries");
+    EXPECT_FALSE(gpu().has(VK_KHR_RAY_QUERY_EXTENSION_NAME));
+    EXPECT_TRUE(gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME));
+    const Tracer tracer(gpu());
+    expectReported("pCode-08740");
 }
 
 TEST_F(MockDriver, FamiliesForOnePurpose)
@@ -200,14 +210,14 @@ TEST_F(MockDriver, StructuresThatShrink)
 TEST_F(MockDriver, AddressesElsewhere)
 {
     make("elsewhere");
-    const Buffer room(gpu(), 65536, gpu().structureUsage());
-    EXPECT_NE(reinterpret_cast<uint64_t>(room.bytes()), room.address());
+    const Buffer buffer(gpu(), 65536, gpu().structureUsage());
+    EXPECT_NE(reinterpret_cast<uint64_t>(buffer.bytes()), buffer.address());
     for (const bool generic : {false, true}) {
         Structure structure(gpu(), generic ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR
                                            : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
-        structure.placeIn(room.handle(), 256);
+        structure.placeIn(buffer.handle(), 256);
         structure.create(1024);
-        EXPECT_EQ(structure.address() == room.address() + 256, generic);
+        EXPECT_EQ(structure.address() == buffer.address() + 256, generic);
     }
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an application sees of the extension with Vellum's layer and without.
+// The extension as an application sees it, with Vellum's layer and without.
 #include <algorithm>
 #include <array>
 
@@ -51,14 +51,14 @@ VkResult createDevice(VkPhysicalDevice physical, std::span<const char *const> ex
     return vkCreateDevice(physical, &info, nullptr, device);
 }
 
-// Of VK_EXT_opacity_micromap; those of VK_KHR_opacity_micromap are in micromap_structure_test.cpp.
+// Properties of VK_EXT_opacity_micromap; micromap_structure_test.cpp tests those of VK_KHR_opacity_micromap.
 class Properties : public vt::GpuTest
 {
 protected:
     Properties() : GpuTest({.api = vt::Api::Ext}) {}
 };
 
-// By the API of the tests, on a device whose limits settings simulate.
+// Uses the extension that the tests use, on a device whose limits are simulated by settings.
 class SimulatedLimits : public vt::GpuTest
 {
 protected:
@@ -106,7 +106,7 @@ TEST_F(SimulatedLimits, AreValidated)
     using Ids = std::vector<std::string>;
     EXPECT_EQ(reported(6, 6, vt::kTwoState), Ids());
     EXPECT_EQ(reported(4, 4, vt::kFourState), Ids());
-    // In usage counts, and in the triangles that the device reads.
+    // Checked in usage counts, and in the triangles that the device reads.
     EXPECT_NE(reported(7, 7, vt::kTwoState), Ids());
     EXPECT_NE(reported(5, 5, vt::kFourState), Ids());
     EXPECT_NE(reported(5, 4, vt::kFourState), Ids());
@@ -215,8 +215,8 @@ protected:
     PropertiesNewer() : GpuTest({.oldValidation = false, .api = vt::Api::Ext, .newer = true}) {}
 };
 
-// VK_BUFFER_USAGE_2_MICROMAP_..., which replace the flags beside them: a micromap is made on such a buffer, and the spy
-// reports if the driver gets them.
+// VK_BUFFER_USAGE_2_MICROMAP_... replace the flags in the create info: a micromap is created on such a buffer, and the
+// spy reports if the driver receives them.
 TEST_F(PropertiesNewer, BufferUsageInTheChain)
 {
     if (!gpu().has("VK_KHR_maintenance5"))
@@ -262,7 +262,7 @@ TEST_F(Properties, EntryPointsStayHiddenWhereTheExtensionIsNotEnabled)
     EXPECT_NE(vkGetDeviceProcAddr(plain.device(), "vkCmdDispatch"), nullptr);
 }
 
-TEST_F(Properties, EnablingAFeatureThatIsNotThereFails)
+TEST_F(Properties, EnablingAMissingFeatureFails)
 {
     auto wanted =
         vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>({.micromap = VK_TRUE, .micromapCaptureReplay = VK_TRUE});
@@ -271,7 +271,7 @@ TEST_F(Properties, EnablingAFeatureThatIsNotThereFails)
     VkDevice device = VK_NULL_HANDLE;
     EXPECT_EQ(createDevice(gpu().physical(), names, &wanted, &device), VK_ERROR_FEATURE_NOT_PRESENT);
     vkDestroyDevice(device, nullptr);
-    gpu().takeMessages(); // whoever reports it is right
+    gpu().takeMessages(); // reports of it are correct
 }
 
 // The layer enables bufferDeviceAddress, but not in a structure that it cannot change.

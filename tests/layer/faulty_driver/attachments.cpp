@@ -36,7 +36,7 @@ struct Indices {
         std::memcpy(&value, hostPointer<const void>(address + triangle * stride), sizeof value);
         return value;
     }
-    // As it is stored; without index buffer the triangle's number.
+    // The index as it is stored; without an index buffer, the triangle's number.
     [[nodiscard]] uint32_t raw(uint32_t triangle) const
     {
         switch (type) {
@@ -57,7 +57,7 @@ struct Indices {
     }
 };
 
-// What both APIs say of a geometry's micromap. Faults change it.
+// The members that both APIs have for a geometry's micromap. Faults change them.
 struct Attachment {
     Indices indices;
     uint32_t base = 0;
@@ -76,7 +76,7 @@ struct Context {
     bool update;
     VkBuildAccelerationStructureFlagsKHR flags;
     std::vector<Attachment> attachments; // of the geometries that have one
-    std::vector<Attachment> given;       // the same before they are changed
+    std::vector<Attachment> given;       // before the changes
     std::vector<uint32_t> empty;         // geometries without triangles
 };
 

@@ -11,7 +11,7 @@ namespace
 
 constexpr Level kLevel = Level::Boxes;
 
-// By how much each side moves outwards.
+// By how much each side of a box moves outwards.
 float growth(void *key)
 {
     return has(key, "boxes-grown") ? 0.3f : has(key, "boxes-shrunk") ? -0.05f : 0;

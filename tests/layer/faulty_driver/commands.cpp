@@ -288,7 +288,8 @@ VKAPI_ATTR void VKAPI_CALL cmdBuildIndirect(VkCommandBuffer handle, uint32_t cou
     for (uint32_t i = 0; i < count; ++i) {
         const Memory memory = memoryFor(handle, uint64_t{infos[i].geometryCount} * strides[i] + sizeof(RangeInfo));
         const std::vector<uint32_t> counts(most[i], most[i] + infos[i].geometryCount);
-        // At once, because the mock driver's quirk "capable" reads them when the build is recorded; and later.
+        // Copied now, because the mock driver's quirk "capable" reads the ranges when the build is recorded, and again
+        // at execution.
         const auto copy = [memory, counts, source = addresses[i], stride = strides[i]] {
             for (size_t g = 0; g < counts.size(); ++g) {
                 RangeInfo range;

@@ -17,8 +17,8 @@ std::map<uint64_t, uint64_t> clones;    // and what they are clones of
 std::map<uint64_t, uint64_t> triangles; // of micromaps
 std::map<uint64_t, uint32_t> lost;      // by compaction, or copies
 std::set<uint64_t> lossy;
-std::map<uint64_t, uint64_t> places;    // where the memory of a micromap begins
-std::set<uint64_t> filledPlaces;        // with a micromap, which may be gone
+std::map<uint64_t, uint64_t> places; // where the memory of a micromap begins
+std::set<uint64_t> filledPlaces;     // with a micromap, which may be gone
 std::map<std::pair<void *, VkQueryType>, uint64_t> lastQueried;
 
 void fill(uint64_t micromap) // under the lock
@@ -55,7 +55,7 @@ void notePlace(uint64_t micromap, uint64_t place)
     places[micromap] = place;
 }
 
-// Whether deserialization leaves the micromap's memory as it is.
+// True if deserialization leaves the micromap's memory unchanged.
 bool keepsOld(void *key, uint64_t target)
 {
     std::lock_guard lock(mutex);
@@ -96,13 +96,12 @@ VkDeviceSize packedStride(VkQueryResultFlags flags)
            ((flags & VK_QUERY_RESULT_WITH_AVAILABILITY_BIT) != 0 ? 2u : 1u);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL getResults(VkDevice handle, VkQueryPool pool, uint32_t first, uint32_t count, size_t size,
-                                          void *data, VkDeviceSize stride, VkQueryResultFlags flags)
+VKAPI_ATTR VkResult VKAPI_CALL getResults(VkDevice handle, VkQueryPool pool, uint32_t first, uint32_t count,
+                                          size_t size, void *data, VkDeviceSize stride, VkQueryResultFlags flags)
 {
     if (has(keyOf(handle), "results-stride-ignored"))
         stride = packedStride(flags);
-    const VkResult result =
-        DRIVER_NEXT(vkGetQueryPoolResults)(handle, pool, first, count, size, data, stride, flags);
+    const VkResult result = DRIVER_NEXT(vkGetQueryPoolResults)(handle, pool, first, count, size, data, stride, flags);
     if (!has(keyOf(handle), "results-without-availability") || (flags & VK_QUERY_RESULT_WITH_AVAILABILITY_BIT) == 0)
         return result;
     for (uint32_t i = 0; i < count; ++i) {

@@ -136,7 +136,7 @@ std::span<const Quirk> allFaults()
         {"unknown-states-swapped", Level::Micromaps, "the states unknown-transparent and unknown-opaque are exchanged",
          "2 and 3, swapped"},
         {"lossy-opaque-to-transparent", Level::Micromaps,
-         "a lossy build makes opaque micro-triangles beside transparent ones transparent",
+         "a lossy build makes opaque micro-triangles next to transparent ones transparent",
          "lossy compression by majority, where only unknown is allowed"},
         {"lossy-differs-by-device", Level::Micromaps,
          "on every device but the first, lossy builds make opaque micro-triangles unknown-opaque",
@@ -154,7 +154,7 @@ std::span<const Quirk> allFaults()
          "engines that build one at a time"},
         {"host-build-returns-early", Level::Micromaps,
          "vkBuildMicromapsEXT returns before it has built: the micromap is there after the next submission",
-         "a deferred operation that nobody waits for"},
+         "a deferred operation without a wait"},
         // instances.cpp
         {"disable-in-first-instance-only", Level::Instances,
          "VK_GEOMETRY_INSTANCE_DISABLE_OPACITY_MICROMAPS counts in the first instance only",
@@ -217,9 +217,10 @@ std::span<const Quirk> allFaults()
         // commands.cpp
         {"null-record-skips-any-hit", Level::Commands, "no any-hit shader runs where a hit table has a null record",
          "RADV, which compiles the table into one shader"},
-        {"hit-stride-of-misses", Level::Commands, "vkCmdTraceRaysKHR takes the stride of hit records from the miss region",
-         "two adjacent parameters"},
-        {"record-data-lost", Level::Commands, "the data of hit records is zero", "copies of hit tables that convert handles"},
+        {"hit-stride-of-misses", Level::Commands,
+         "vkCmdTraceRaysKHR takes the stride of hit records from the miss region", "two adjacent parameters"},
+        {"record-data-lost", Level::Commands, "the data of hit records is zero",
+         "copies of hit tables that convert handles"},
         {"first-hit-table-stays", Level::Commands, "all traces of a command buffer use the hit table of its first",
          "state that is set once for each command buffer"},
         {"library-stages-unused", Level::Commands,
@@ -250,15 +251,15 @@ std::span<const Quirk> allFaults()
     return faults;
 }
 
-// What the specification allows and lavapipe does not do, and where it says so. A check that reports one of these as a
-// failure is wrong.
+// Behaviour that the specification allows but lavapipe does not show, with the text that allows it. A check that
+// reports one of these as a failure is wrong.
 std::span<const Quirk> allFreedoms()
 {
     static constexpr Quirk freedoms[]{
         {"coarse-arithmetic", Level::Instances,
          "distances and barycentrics differ by a few units in the last place of world coordinates (Ray Traversal)"},
         {"boxes-grown", Level::Boxes,
-         "boxes are candidates of rays that pass beside them (Ray Intersection Candidate Determination)"},
+         "boxes are candidates of rays that pass next to them (Ray Intersection Candidate Determination)"},
         {"lossy-by-content", Level::Micromaps,
          "a third of the elements of lossy micromaps are unknown, depending on nothing but their content (Ray Opacity "
          "Micromap)"},
@@ -298,8 +299,8 @@ std::span<const NamedLevel> allLevels()
 
 } // namespace driver
 
-// For tests and scripts, which find it in this library. Member 0 of fault i is its name, 1 what is wrong, 2 what it
-// imitates, 3 the quirks that it needs; null behind the last fault.
+// Tests and scripts look this up in the library. Member 0 of fault i is its name, 1 what is wrong, 2 what it imitates,
+// 3 the quirks that it needs; null after the last fault.
 extern "C" __attribute__((visibility("default"))) const char *vellumFault(unsigned i, unsigned member);
 extern "C" const char *vellumFault(unsigned i, unsigned member)
 {

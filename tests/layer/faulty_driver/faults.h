@@ -68,7 +68,7 @@ T *hostPointer(VkDeviceAddress address)
 
 // --- handles ---
 
-// Of a micromap by either API.
+// A micromap of either API as a number.
 template <class Handle>
 uint64_t numberOf(Handle handle)
 {
@@ -89,16 +89,16 @@ inline const VkAccelerationStructureGeometryKHR &geometryOf(const BuildInfo &inf
 
 // The micromap that a shallow clone stands for, or the micromap itself.
 uint64_t originalOf(uint64_t micromap);
-// The triangle that compaction lost; UINT32_MAX where there is none.
+// The triangle that compaction lost; UINT32_MAX if none.
 uint32_t lostTriangleOf(uint64_t micromap);
 // Called by attachments.cpp when a micromap is destroyed, in the files that keep something about it.
 void forgetCopies(uint64_t micromap);
 void forgetBuild(uint64_t micromap);
 // A micromap of so many triangles is built.
 void noteBuilt(uint64_t micromap, uint64_t triangles, bool lossy);
-// Whether it was built as lossy, or the one that it is a copy of.
+// True if it was built as lossy, or is a copy of one that was.
 bool isLossy(uint64_t micromap);
-// How many triangles it was built of.
+// The number of triangles in its build.
 uint64_t trianglesOf(uint64_t micromap);
 
 } // namespace faults

@@ -73,13 +73,13 @@ void updateKeepsFlags(std::span<Instance> instances, const Flags *first)
         instances[i].flags = (*first)[i] & 0xff;
 }
 
-// Between -1 and 1, the same for the same instance of a structure.
+// A value between -1 and 1, the same for the same instance of a structure.
 float noise(size_t i)
 {
     return static_cast<float>(i * 0x9e3779b9u % 2001) / 1000.0f - 1;
 }
 
-// As coarser arithmetic would: by a few units in the last place of world coordinates.
+// Moves instances by a few units in the last place of world coordinates, like less precise arithmetic.
 void rounded(std::span<Instance> instances, const Flags *)
 {
     for (size_t i = 0; i < instances.size(); ++i)
@@ -119,7 +119,7 @@ constexpr Fault kFaults[]{
     {"instances-displaced", displaced},
 };
 
-// What was built, for updates and copies.
+// The latest build of a structure, for updates and copies.
 struct Built {
     VkBuildAccelerationStructureFlagsKHR flags = 0;
     uint32_t count = 0;

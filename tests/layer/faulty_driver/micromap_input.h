@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a micromap build reads, by either API.
+// The inputs of a micromap build, by either API.
 #pragma once
 
 #include "faulty_driver/faults.h"
@@ -42,8 +42,8 @@ struct MicromapTriangle {
 using MicromapTriangles = std::vector<MicromapTriangle>;
 
 // Makes the build read copies of triangles and data that are made when the command buffer is executed: `header` changes
-// how a triangle's data is read, `states` what was read, with the triangles before it. Data beyond the triangle's own is
-// zero. Either may be null.
+// how a triangle's data is read, `states` what was read, with the triangles before it. Data beyond the triangle's own
+// is zero. Either may be null.
 void rewriteWhenExecuted(VkCommandBuffer commands, MicromapInput &input, void (*header)(VkMicromapTriangleEXT &),
                          void (*states)(MicromapTriangle &, const MicromapTriangles &before));
 

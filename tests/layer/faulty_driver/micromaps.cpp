@@ -30,7 +30,8 @@ void firstUsagePointer(MicromapInput &input)
 
 void untilZero(MicromapInput &input)
 {
-    const auto zero = std::find_if(input.usages.begin(), input.usages.end(), [](const auto &u) { return u.count == 0; });
+    const auto zero =
+        std::find_if(input.usages.begin(), input.usages.end(), [](const auto &u) { return u.count == 0; });
     input.usages.erase(zero, input.usages.end());
 }
 
@@ -170,9 +171,9 @@ void lossyByContent(MicromapTriangle &triangle, const MicromapTriangles &)
 }
 
 std::mutex devicesMutex;
-std::vector<void *> devices; // those that have built a micromap, by key
+std::vector<void *> devices; // devices that have built a micromap, by key
 
-// Whether another device built a micromap before this one did.
+// True if another device built a micromap before this one did.
 bool isSecond(void *key)
 {
     std::lock_guard lock(devicesMutex);
@@ -240,7 +241,7 @@ const Fault *chosen(void *key)
     return found == std::end(kFaults) ? nullptr : found;
 }
 
-// What both sizes and builds see.
+// Parameters that affect both sizes and builds.
 void changeParameters(void *key, MicromapInput &input)
 {
     const Fault *fault = chosen(key);
@@ -279,7 +280,7 @@ bool dropped(void *key, uint64_t micromap, bool first)
     return (again && has(key, "micromap-built-once")) || (!first && has(key, "only-first-micromap-build"));
 }
 
-// Whether builds are looked at; those of attachments.cpp and copies.cpp use what is noted of them.
+// True if builds are intercepted; attachments.cpp and copies.cpp need the data that is recorded about them.
 bool looksAtBuilds(void *key)
 {
     return hasAny(key, kLevel) || hasAny(key, Level::Attachments) || hasAny(key, Level::Copies);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// What forced micromaps consist of: one micromap, and patterns of indices that repeat over a geometry's triangles.
+// The content of forced micromaps: one micromap, and patterns of indices that repeat over a geometry's triangles.
 //
-// With a micromap, VK_GEOMETRY_OPAQUE_BIT_KHR no longer counts: a micro-triangle that is unknown is non-opaque. So
-// opaque geometries get opaque states, and others unknown ones.
+// A micromap overrides VK_GEOMETRY_OPAQUE_BIT_KHR: an unknown micro-triangle is non-opaque. So opaque geometries get
+// opaque states, and others unknown ones.
 #pragma once
 
 #include <cstdint>

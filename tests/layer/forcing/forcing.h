@@ -46,7 +46,7 @@ struct Settings {
     Content content = Content::Mixed;
     Api api = Api::Ext;
 };
-// Nothing, and a line on stderr, where a variable has another value than those above.
+// Returns nothing, and prints a line to stderr, if a variable has an invalid value.
 std::optional<Settings> settingsOfEnvironment();
 
 // Printed when the process ends, or unloads the layer.
@@ -70,7 +70,7 @@ struct BuildQueue {
     PFN_vkSetDeviceLoaderData setLoaderData = nullptr;
 };
 
-// What is attached to one geometry.
+// The micromap attachment of one geometry.
 struct Attachment {
     VkAccelerationStructureTrianglesOpacityMicromapEXT ext{};
     VkAccelerationStructureTrianglesOpacityMicromapKHR khr{};
@@ -91,7 +91,8 @@ public:
     ForcedMicromap &operator=(const ForcedMicromap &) = delete;
 
     VkResult build(const BuildQueue &queue);
-    // Of a geometry with this flag and at most so many triangles, as the head of `chain`. False: no memory.
+    // Attaches the micromap to a geometry with this flag and at most `triangles` triangles, as the head of `chain`.
+    // Returns false if memory runs out.
     bool attach(bool opaque, uint32_t triangles, const void *&chain, Attachment &attachment);
 
 private:
@@ -117,11 +118,11 @@ private:
         Buffer buffer;
         uint32_t triangles = 0;
     };
-    // By the geometry's flag, each twice as large as the one before it, which commands may still read.
+    // By the geometry's opaque flag. Each buffer is twice as large as the one before it, which commands may still read.
     std::vector<Indices> indices_[2];
 };
 
-struct Pipelines; // what a deferred operation reads, shaders.cpp
+struct Pipelines; // read by a deferred operation, shaders.cpp
 
 struct Device {
     Device();

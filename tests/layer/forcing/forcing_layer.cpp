@@ -130,7 +130,7 @@ private:
         return false;
     }
 
-    // Those that the application enables.
+    // Enables the extensions that the layer needs and the application did not.
     void useExtensions()
     {
         const auto *ext = features<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
@@ -166,7 +166,7 @@ private:
         return add(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
     }
 
-    // Whether the device has it.
+    // Returns false if the device does not have it.
     bool add(const char *name)
     {
         if (asksFor(info, name))

@@ -33,7 +33,7 @@ ForcedMicromap::~ForcedMicromap()
     }
 }
 
-// In memory that the host sees; without a handle where there is none.
+// In host-visible memory; the handle is null if there is none.
 Buffer ForcedMicromap::makeBuffer(VkDeviceSize size, VkBufferUsageFlags usage)
 {
     Buffer buffer;

@@ -53,7 +53,7 @@ public:
 
     [[nodiscard]] const Tlas &scene() const { return *tlas_; }
     [[nodiscard]] const std::vector<Ray> &rays() const { return rays_; }
-    // Of the column's triangles, how many are handed to a shader if nothing is committed.
+    // The number of the column's triangles that a shader receives as candidates if nothing is committed.
     [[nodiscard]] uint32_t nonOpaque(uint32_t column, uint32_t rayFlags = 0) const
     {
         uint32_t n = 0;

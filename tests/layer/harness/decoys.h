@@ -26,7 +26,7 @@ public:
         VkBuffer buffer = VK_NULL_HANDLE;
         VT_CHECK(vkCreateBuffer(gpu_.device(), &info, allocator, &buffer));
         buffers_.push_back({buffer, allocator});
-        VkMemoryRequirements needs; // a validation layer wants that they are asked for
+        VkMemoryRequirements needs; // a validation layer requires the query
         vkGetBufferMemoryRequirements(gpu_.device(), buffer, &needs);
         VT_CHECK(vkBindBufferMemory(gpu_.device(), buffer, other.memory(), 0));
         EXPECT_EQ(gpu_.address(buffer), other.address());

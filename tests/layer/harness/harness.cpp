@@ -23,7 +23,7 @@ struct FalseAlarm {
 constexpr std::array<FalseAlarm, 4> kFalseAlarms{{
     // 1.3.239 takes device extensions newer than itself for unknown instead of leaving them alone.
     {"UNASSIGNED-khronos-validation-createdevice", "is not supported by this layer"},
-    // So it is in the registry of that age; later ones have it optional, for geometry with special indices only.
+    // The registry of that version requires it; later ones make it optional for geometry with special indices.
     {"UNASSIGNED-GeneralParameterError-RequiredParameter",
      "VkAccelerationStructureTrianglesOpacityMicromapEXT: required parameter micromap"},
     // Right, of shaders and pipelines that are meant to use no micromaps; ForgottenMicromaps looks at them.
@@ -31,13 +31,13 @@ constexpr std::array<FalseAlarm, 4> kFalseAlarms{{
     {"VELLUM-pipeline-without-micromaps", ""},
 }};
 
-#if defined(__SANITIZE_THREAD__) || defined(_WIN32) // for which there is no validation layer
+#if defined(__SANITIZE_THREAD__) || defined(_WIN32) // no validation layer is available here
 constexpr bool kHasValidation = false;
 #else
 constexpr bool kHasValidation = true;
 #endif
 
-// Whether the validation layer knows the extensions that Vellum provides, and all that came before.
+// True if the validation layer knows the extensions that Vellum provides and all older ones.
 bool validationIsNew()
 {
     uint32_t count = 0;
@@ -50,10 +50,10 @@ bool validationIsNew()
     });
 }
 
-// Whether what is made now is a program of Vulkan 1.1, which has all that is newer by extensions: Vulkan11 (entry/).
+// True for devices of a Vulkan 1.1 program, which enables everything newer by extensions: Vulkan11 (entry/).
 const auto usesVulkan11 = [] { return std::getenv("VELLUM_TEST_VULKAN") != nullptr; };
 
-// The extensions that a test asks for besides what every device has.
+// The extensions that a test requests in addition to those of every device.
 std::vector<std::string> extensionsOf(const Options &options)
 {
     std::vector<std::string> names;
@@ -75,7 +75,7 @@ std::vector<std::string> extensionsOf(const Options &options)
     return names;
 }
 
-// Whether a list with commas has the name.
+// True if the comma-separated list contains the name.
 bool includes(const std::string &list, const std::string &name)
 {
     return (',' + list + ',').find(',' + name + ',') != std::string::npos;
@@ -100,7 +100,7 @@ std::vector<std::string> layersOf(const Options &options, const std::string &qui
     if (options.vellum)
         layers.emplace_back(kVellumLayer);
     const auto has = [&quirks](const char *name) { return includes(quirks, name); };
-    // Of that age, it hands its own handle of a geometry's VkMicromapEXT to the driver.
+    // Old versions pass their own handle of a geometry's VkMicromapEXT on to the driver.
     const bool old = options.oldValidation && !has("ext");
     if (kHasValidation && options.validation && (old || validationIsNew()))
         layers.insert(validationOfTests() == Validation::Above ? layers.begin() : layers.end(), kValidationLayer);
@@ -112,7 +112,7 @@ std::vector<std::string> layersOf(const Options &options, const std::string &qui
         layers.emplace_back(kDriverLayer);
     if (has("ext") || has("khr") || has("emulating"))
         layers.emplace_back(kLowerLayer);
-    // No micromaps are requested of it, and it must work all the same.
+    // The driver must work although no micromaps are requested of it.
     if (has("emulating"))
         setenv("VELLUM_LOWER_ASSUME_MICROMAPS", "1", 1);
     return layers;
@@ -128,14 +128,14 @@ InstanceOptions instanceOptions(const Options &options, std::function<void(Messa
 DeviceOptions deviceOptions(const Options &options)
 {
     const bool emulated = options.vellum && options.micromaps && options.micromapFeature;
-    // Without the layer it is the driver that is looked at, and some write whole handles.
+    // Without the layer, the test is about the driver, and some drivers write all of a handle's range.
     const bool exact = options.memory == Memory::PackedToTheEnd && !options.vellum;
     return {.api = options.api,
             .micromaps = options.micromaps,
             .bothApis = options.bothApis,
             .micromapFeature = options.micromapFeature,
             .hostCommands = options.hostCommands,
-            // A driver without the extension knows nothing of the mode.
+            // A driver without the extension does not know the mode.
             .declaresMode = options.vellum && options.micromaps && options.declaresMode,
             .addressReplay = options.addressReplay,
             .allQueueFamilies = options.absentGpu.empty(),
@@ -147,7 +147,7 @@ DeviceOptions deviceOptions(const Options &options)
 
 } // namespace
 
-// What the layers read from the environment when the instance is created.
+// The environment variables that the layers read when the instance is created.
 class LayerEnvironment
 {
 public:
@@ -170,7 +170,7 @@ public:
     }
 
 private:
-    const bool validates_ = std::getenv("VELLUM_VALIDATE") != nullptr; // by whoever runs the tests
+    const bool validates_ = std::getenv("VELLUM_VALIDATE") != nullptr; // set for the whole run
 };
 
 Api apiOfTests()
@@ -201,7 +201,7 @@ Messages::~Messages()
 
 void Messages::add(Message message)
 {
-    // What the tests' intersection shaders do all the time; the copy of the layer below reports it, too.
+    // The tests' intersection shaders cause this one constantly; the copy of the layer below reports it, too.
     if (message.id.ends_with("VELLUM-intersection-ray-flags")) {
         intersectionWarnings_ += message.id.starts_with("VELLUM") ? 1 : 0;
         return;
@@ -277,7 +277,7 @@ public:
     void TearDown() override
     {
         for (const auto &[options, gpu] : gpus_)
-            gpu->takeMessages(); // those that tests with devices of their own provoked
+            gpu->takeMessages(); // caused by tests with devices of their own
         gpus_.clear();
     }
 

@@ -9,8 +9,8 @@
 
 #include <gtest/gtest.h>
 
-#include "gpu/device.h"
 #include "check/oracle/outcome.h"
+#include "gpu/device.h"
 
 namespace vt
 {
@@ -21,18 +21,18 @@ using oracle::kNoMicromap;
 using oracle::Outcome;
 using oracle::outcomeOf;
 
-// Which extension the tests go through: the environment variable VELLUM_TEST_API says "ext" or "khr".
+// The extension that the tests use: the environment variable VELLUM_TEST_API is "ext" or "khr".
 Api apiOfTests();
 
 // The environment variable VELLUM_TEST_ARENA says "exact" or "end".
 Memory memoryOfTests();
 
-// Where the validation layer is, seen from Vellum's: the environment variable VELLUM_TEST_VALIDATION.
+// The position of the validation layer relative to Vellum's: the environment variable VELLUM_TEST_VALIDATION.
 enum class Validation { Below, Above };
 Validation validationOfTests();
 
-// Whether the layer also rejects what does no harm: by its own environment variable, VELLUM_STRICT. Tests of wrong
-// input run both ways.
+// True if the layer also rejects tolerated faults, by its own environment variable VELLUM_STRICT. Tests of wrong input
+// run both ways.
 inline bool strictTests()
 {
     const char *value = std::getenv("VELLUM_STRICT");
@@ -79,14 +79,14 @@ public:
     // Reports those that no test expects: what is left alive is reported by layers when its device goes.
     ~Messages();
 
-    // All since the last call.
+    // All messages since the last call.
     std::vector<Message> takeMessages();
-    // Those that no test expects: not on the short list of false alarms in harness.cpp. Where Vellum reports an error,
-    // the test meant it, and a validation layer above reports no more than that.
+    // Messages that no test expects: those not on the short list of false alarms in harness.cpp. If Vellum reports an
+    // error, the test caused it, and messages of a validation layer above are about the same.
     std::vector<Message> takeUnexpectedMessages();
     // The test breaks the rule with this VUID: a validation layer above may say so.
     void breaks(std::string rule) { broken_.push_back(std::move(rule)); }
-    // How often the layer said that an intersection shader does not see all ray flags, which is not kept as a message.
+    // The number of warnings that an intersection shader does not see all ray flags. They are not kept as messages.
     [[nodiscard]] size_t intersectionWarnings() const { return intersectionWarnings_; }
 
 protected:
@@ -100,7 +100,7 @@ private:
     std::atomic<size_t> intersectionWarnings_ = 0;
 };
 
-class LayerEnvironment; // what layers read when an instance is created
+class LayerEnvironment; // variables that layers read when an instance is created
 
 class Gpu : public Messages, public Device
 {
@@ -108,7 +108,7 @@ public:
     explicit Gpu(const Options &options = {});
 
     [[nodiscard]] const Options &options() const { return options_; }
-    // As it was made, for the next test: what use() and breaks() changed is forgotten.
+    // Restores the initial state for the next test: forgets changes by use() and breaks().
     void reset(const Options &options);
 
 private:
@@ -117,7 +117,7 @@ private:
     Options options_;
 };
 
-// A test with a device; at its end nobody may have reported an error. Where the device is shared, what a test left
+// A test with a device; at its end no error may have been reported. Where the device is shared, what a test left
 // alive is reported when the process ends; run_cases.py then runs the tests one by one to find out which it was.
 class GpuTest : public testing::Test
 {

@@ -20,21 +20,21 @@ constexpr char kListSeparator = ':';
 constexpr const char *kLibrarySuffix = ".so";
 #endif
 
-// Whether all tests of this process run with that quirk.
+// True if all tests of this process run with that quirk.
 inline bool chosenQuirk(const std::string &name)
 {
     const char *chosen = std::getenv("VELLUM_TEST_QUIRKS");
     return chosen != nullptr && (std::string(",") + chosen + ',').find(',' + name + ',') != std::string::npos;
 }
 
-// What the layer adds to micromaps that the driver serializes: 16 bytes behind data that is translated, not emulated.
+// The bytes that the layer appends to micromaps that the driver serializes: 16 if translated, 0 if emulated.
 inline unsigned serializedTrailer()
 {
     return chosenQuirk("ext") && std::getenv("VELLUM_IMPLEMENTATION") == nullptr ? 16 : 0;
 }
 
-// By its name, of the library in that file. The library is there already: the loader took it from one of the folders of
-// VK_ADD_LAYER_PATH when an instance was made.
+// A function of the library in that file, by its name. The loader has loaded the library from one of the folders of
+// VK_ADD_LAYER_PATH when it created an instance.
 template <class Function>
 Function testDriverFunction(const char *name, const std::string &stem = "libvellum_test_mock_driver")
 {

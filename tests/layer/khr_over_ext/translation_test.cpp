@@ -146,7 +146,7 @@ TEST_F(Translation, GenericStructuresOfAnySize)
     }
 }
 
-// Of one and the same query pool.
+// From the same query pool.
 TEST_F(Translation, SizesOfMicromapsAndOtherStructures)
 {
     Micromap micromap(gpu(), repeated(), kAllow);
@@ -217,7 +217,7 @@ TEST_F(Translation, GenericStructuresOfTheSizeInTheHeader)
     }
 }
 
-// What VK_EXT_opacity_micromap has no place for.
+// Serialized data of VK_KHR_opacity_micromap names the micromaps; that of a driver's VK_EXT_opacity_micromap cannot.
 TEST_F(Translation, BlasesWithMicromapsAreNotSerialized)
 {
     Micromap micromap(gpu(), eightStates());
@@ -237,7 +237,7 @@ TEST_F(Translation, BlasesWithMicromapsAreNotSerialized)
     EXPECT_TRUE(gpu().takeUnexpectedMessages().empty());
     EXPECT_FALSE(serialize(with.handle()));
     expectRejected("not-available");
-    // Nor of a copy.
+    // Neither is a copy.
     vt::Structure copied(gpu(), kBottom);
     copied.create(with.size());
     copy(with.handle(), copied.handle());
@@ -339,7 +339,7 @@ TEST_F(TranslationUsages, MeasuredBeforeTheMicromap)
     }
 }
 
-// The same levels and formats, for more triangles; and others in between.
+// The same levels and formats, for more triangles; and others between those builds.
 TEST_F(TranslationUsages, MicromapsThatAreBuiltAgain)
 {
     MicromapInput few;
@@ -401,7 +401,8 @@ TEST_F(Translation, TypedMicromapsOfOverlappingHandles)
     EXPECT_EQ(tracedMicromap(second.handle()), kForwards);
 }
 
-// Nothing was recorded, and the size is none of a micromap: what there is, a driver must not be told at random.
+// Nothing was recorded, and the size is not one of a micromap. The content is unknown, so the layer must not guess a
+// command for the driver.
 TEST_F(Translation, GenericStructuresOfUnknownContent)
 {
     const Placed from(gpu(), kGeneric, 4096), to(gpu(), kGeneric, 4096);
@@ -414,7 +415,7 @@ TEST_F(Translation, GenericStructuresOfUnknownContent)
     expectRejected("not-available");
     query(from.handle(), kSerializedSize);
     expectRejected("unknown-content");
-    // The size of a micromap tells, before it is built.
+    // Before the build, the size identifies it as a micromap.
     const Micromap input(gpu(), eightStates());
     ASSERT_EQ(input.size() % 256, 64u);
     const Placed marked(gpu(), kGeneric, input.size()), target(gpu(), kGeneric, input.size());
@@ -448,7 +449,7 @@ TEST_F(TranslationMissing, Geometries)
         build(info, blas.ranges());
         expectRejected("VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788");
     }
-    // None are needed, nor are ranges.
+    // Neither geometries nor ranges are required.
     info.geometryCount = 0;
     info.ppGeometries = nullptr;
     build(info);
@@ -522,7 +523,7 @@ TEST_F(TranslationDevices, EverythingThatIsListed)
     EXPECT_TRUE(gpu().takeUnexpectedMessages().empty());
 }
 
-// Commands that micromaps would take are not there, and nobody falls over that.
+// The commands of micromaps are missing, and the layer must not fail because of that.
 TEST_F(TranslationDevices, AddressCommandsAlone)
 {
     VkDevice device = VK_NULL_HANDLE;

@@ -66,7 +66,7 @@ Places mapTwice(size_t bytes)
     return {};
 }
 
-// With the mutex held. Null: there is no space for it.
+// Requires the mutex to be locked. Returns null if no space is left.
 uint8_t *thirdPlace(Places &places)
 {
     if (places.third != nullptr)
@@ -173,7 +173,7 @@ VKAPI_ATTR VkDeviceAddress VKAPI_CALL structureAddress(VkDevice handle,
     const VkDeviceAddress address = DRIVER_NEXT(vkGetAccelerationStructureDeviceAddressKHR)(handle, info);
     std::lock_guard lock(mutex);
     Structure &known = structures[info->accelerationStructure];
-    // Of these it is as far from another one's of the same buffer as their offsets are, and may be the buffer's.
+    // The address of such a structure must be its buffer's plus its offset, so it is not changed.
     if (known.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
         return address;
     const VkDeviceMemory memory = bindings[known.buffer];

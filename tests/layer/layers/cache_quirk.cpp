@@ -32,7 +32,7 @@ struct OneFeature {
     VkBool32 enabled;
 };
 
-// What the driver can report about a pipeline without its code. Stages count with their entry points.
+// The driver's report about a pipeline without its code. Stages include their entry points.
 struct Shape {
     std::vector<std::string> stages;
     std::vector<std::array<uint32_t, 5>> groups;
@@ -313,7 +313,7 @@ VkResult make(VkDevice device, const Info &info, VkPipeline *pipeline, Create cr
             binary = captured.at(binaries.at(reinterpret_cast<uint64_t>(from->pPipelineBinaries[0])));
         }
         if (!(binary.shape == shape))
-            tell("a pipeline is not the one that its binary was captured from");
+            report("a pipeline is not the one that its binary was captured from");
         const WithModules own(device, info, binary.code);
         return create(own.get(), pipeline);
     }
@@ -433,7 +433,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createBinaries(VkDevice, const VkPipelineBinaryCr
             std::lock_guard lock(mutex);
             if (data.dataSize != key.size() || !captured.contains(key) ||
                 std::memcmp(info->pKeysAndDataInfo->pPipelineBinaryKeys[i].key, key.data(), key.size()) != 0)
-                tell("data of a binary is not as it was given, or its key is not");
+                report("data of a binary is not as it was given, or its key is not");
             keys.push_back(key);
         }
     } else if (info->pPipelineCreateInfo != nullptr) {

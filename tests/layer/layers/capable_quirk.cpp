@@ -55,7 +55,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreat
     return DRIVER_NEXT(vkCreateBuffer)(handle, &plain, allocator, buffer);
 }
 
-// Which of them lie in buffers that can be replayed, nobody checks but Khronos' validation layer.
+// The creation flag for replay needs no check here: Khronos' validation layer checks the buffers.
 VKAPI_ATTR VkResult VKAPI_CALL createStructure(VkDevice handle, const VkAccelerationStructureCreateInfoKHR *info,
                                                const VkAllocationCallbacks *allocator,
                                                VkAccelerationStructureKHR *structure)
@@ -66,8 +66,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createStructure(VkDevice handle, const VkAccelera
     const VkResult result = DRIVER_NEXT(vkCreateAccelerationStructureKHR)(handle, &plain, allocator, structure);
     if (result != VK_SUCCESS || info->deviceAddress == 0)
         return result;
-    const auto ask = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = *structure});
-    if (DRIVER_NEXT(vkGetAccelerationStructureDeviceAddressKHR)(handle, &ask) == info->deviceAddress)
+    const auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = *structure});
+    if (DRIVER_NEXT(vkGetAccelerationStructureDeviceAddressKHR)(handle, &query) == info->deviceAddress)
         return result;
     DRIVER_NEXT(vkDestroyAccelerationStructureKHR)(handle, *structure, allocator);
     *structure = VK_NULL_HANDLE;

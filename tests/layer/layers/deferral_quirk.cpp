@@ -103,7 +103,7 @@ VKAPI_ATTR void VKAPI_CALL destroy(VkDevice handle, VkDeferredOperationKHR opera
     {
         std::lock_guard lock(mutex);
         if (const auto gone = works.extract(operation); !gone.empty() && gone.mapped()->ended != gone.mapped()->count)
-            tell("VUID-vkDestroyDeferredOperationKHR-operation-03436: the operation is not complete");
+            report("VUID-vkDestroyDeferredOperationKHR-operation-03436: the operation is not complete");
     }
     DRIVER_NEXT(vkDestroyDeferredOperationKHR)(handle, operation, allocator);
 }

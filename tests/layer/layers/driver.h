@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The mock driver: a layer between Vellum and lavapipe that makes another driver of it. What such a driver may do
-// differently is a list of quirks (quirks.cpp), chosen when an instance is made by the environment variable
-// VELLUM_TEST_MOCK_DRIVER: names, separated by commas. The code of a quirk is a level: commands that it has its own
-// versions of, which call the next level's, and in the end lavapipe's.
+// The mock driver: a layer between Vellum and lavapipe that simulates other drivers. The differences of such a driver
+// are a list of quirks (quirks.cpp). The environment variable VELLUM_TEST_MOCK_DRIVER selects them when an instance is
+// created: names, separated by commas. The code of a quirk is a level: its own versions of some commands, which call
+// those of the next level and finally lavapipe's.
 //
-// A quirk that only claims something proves nothing: each checks what it is given by the rules that go with its claim,
-// and tells the debug messengers of what breaks them, or makes a driver on which it goes wrong.
+// Each quirk enforces what it advertises: it validates the layer's calls and reports violations to the debug
+// messengers, or breaks visibly.
 #pragma once
 
 #include <vulkan/vk_layer.h>
@@ -24,7 +24,7 @@
 namespace driver
 {
 
-// From the application's side to lavapipe's.
+// In order from the application to lavapipe.
 enum class Level {
     // of the mock driver
     Deferral,
@@ -58,11 +58,11 @@ enum class Level {
 };
 
 struct Row {
-    // Without the KHR of the extension it came from.
+    // Without the suffix KHR.
     const char *name;
     PFN_vkVoidFunction function;
     enum class Where { LavapipeHasIt, Always } where = Where::LavapipeHasIt;
-    bool (*when)() = nullptr; // asked when a function is looked up; null: always
+    bool (*when)() = nullptr; // called when a function is looked up; null: always present
 };
 #define DRIVER_FUNCTION(name) reinterpret_cast<PFN_vkVoidFunction>(name)
 
@@ -70,7 +70,7 @@ struct LevelRows {
     std::span<const Row> device;
     std::span<const Row> instance; // of instances and physical devices; vkCreateDevice is one of these
 };
-// One of each level, in the file of its name.
+// The rows of each level, defined in the file of that name.
 LevelRows spyRows();
 LevelRows failureRows();
 LevelRows cacheRows();
@@ -99,7 +99,8 @@ struct NamedLevel {
     LevelRows rows;
     bool always = false; // also where no chosen quirk belongs to it
 };
-// What the layer is made of: the mock driver in quirks.cpp, the faulty driver in faulty_driver/faults.cpp.
+// The quirks and levels of this layer: of the mock driver in quirks.cpp, of the faulty driver in
+// faulty_driver/faults.cpp.
 std::span<const Quirk> allQuirks();
 std::span<const NamedLevel> allLevels();
 // The environment variable with the names of the chosen quirks.
@@ -112,7 +113,7 @@ void *keyOf(Handle handle)
     return *reinterpret_cast<void **>(handle);
 }
 
-// Whether the device or instance has the quirk.
+// True if the device or instance has the quirk.
 bool has(void *key, std::string_view quirk);
 bool hasAny(void *key, Level level);
 VkInstance instanceOf(void *key);
@@ -125,11 +126,11 @@ Function next(Level level, void *key, const char *name)
 {
     return reinterpret_cast<Function>(nextFunction(level, key, name));
 }
-// In a file with a constant kLevel, where the dispatchable object is `handle`.
+// For files with a constant kLevel and functions whose dispatchable object is `handle`.
 #define DRIVER_NEXT(function) driver::next<PFN_##function>(kLevel, driver::keyOf(handle), #function)
 
-// To all debug messengers.
-void tell(const std::string &text, const char *id = "DRIVER");
+// Reports to all debug messengers.
+void report(const std::string &text, const char *id = "DRIVER");
 
 template <class T = void>
 const T *inChain(const void *chain, VkStructureType type)
@@ -139,14 +140,14 @@ const T *inChain(const void *chain, VkStructureType type)
         structure = structure->pNext;
     return static_cast<const T *>(static_cast<const void *>(structure));
 }
-// Of an output chain, or one that a test gave and this layer corrects.
+// The structure of an output chain, or one of the test that this layer changes.
 template <class T>
 T *inChainOut(const void *chain, VkStructureType type)
 {
     return const_cast<T *>(inChain<T>(chain, type));
 }
 
-// What vkEnumerate* answers.
+// Implements a vkEnumerate* command.
 template <class T>
 VkResult list(std::span<const T> all, uint32_t *count, T *out)
 {

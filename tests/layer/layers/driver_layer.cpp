@@ -67,10 +67,10 @@ struct Device {
     PFN_vkGetDeviceProcAddr get = nullptr;
     VkInstance instance = VK_NULL_HANDLE;
     std::shared_ptr<const Quirks> quirks;
-    // By level and name, which are string literals.
+    // Keyed by level and name; names are string literals.
     std::map<std::pair<Level, const char *>, PFN_vkVoidFunction> found;
 };
-// By dispatch key; entries stay, a later handle with the same key replaces them.
+// By dispatch key. Entries are never erased; a later handle with the same key replaces them.
 std::unordered_map<void *, Instance> instances;
 std::unordered_map<void *, Device> devices;
 
@@ -173,7 +173,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, 
     return result;
 }
 
-// What the last level calls.
+// The last level calls this.
 VKAPI_ATTR VkResult VKAPI_CALL createDriversDevice(VkPhysicalDevice physical, const VkDeviceCreateInfo *info,
                                                    const VkAllocationCallbacks *allocator, VkDevice *device)
 {
@@ -340,7 +340,7 @@ PFN_vkVoidFunction nextFunction(Level level, void *key, const char *name)
     return known->second;
 }
 
-void tell(const std::string &text, const char *id)
+void report(const std::string &text, const char *id)
 {
     std::vector<Messenger> all;
     {

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Drivers that have micromaps, which lavapipe gets from a second copy of Vellum's layer below this one:
+// Drivers with micromaps, which a second copy of Vellum's layer below this one gives lavapipe:
 // - "ext": VK_EXT_opacity_micromap, and not VK_KHR_opacity_micromap, VK_ARM_pipeline_opacity_micromap or
 //   VK_KHR_device_address_commands. It reports every use of these, and of micromaps that are not its own.
 // - "khr": VK_KHR_opacity_micromap and VK_KHR_device_address_commands, and not the others.
-// - "emulating": a driver without micromaps to which applications' shaders are not what it runs: the copy emulates
-//   micromaps on each device, whether anybody requested them or not.
-// What may reach such devices otherwise is the spy's to tell (knowsMicromaps).
+// - "emulating": a driver without micromaps that does not run applications' shaders as they are: the copy emulates
+//   micromaps on each device, even if they are not enabled.
+// The spy checks what else may reach such devices (knowsMicromaps).
 #include "layers/driver.h"
 
 #include <atomic>
@@ -113,7 +113,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
         features.pNext = const_cast<void *>(info->pNext);
         below.pNext = &features;
     }
-    // This driver has micromaps on several physical devices as well; the copy that plays it has not.
+    // The driver supports micromaps on several physical devices as well; the copy that simulates it does not.
     auto *group =
         inChainOut<VkDeviceGroupDeviceCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_DEVICE_GROUP_DEVICE_CREATE_INFO);
     const uint32_t count = group != nullptr ? std::exchange(group->physicalDeviceCount, 1) : 0;
@@ -137,14 +137,14 @@ void expectMicromap(const char *where, VkMicromapEXT micromap)
         own = own || micromaps.contains(micromap);
     }
     if (!own)
-        tell(std::string(where) + ": a micromap that is not the driver's");
+        report(std::string(where) + ": a micromap that is not the driver's");
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createMicromap(VkDevice handle, const VkMicromapCreateInfoEXT *info,
                                               const VkAllocationCallbacks *allocator, VkMicromapEXT *micromap)
 {
     if (info->type != VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT)
-        tell("vkCreateMicromapEXT: a type that the driver does not know");
+        report("vkCreateMicromapEXT: a type that the driver does not know");
     const VkResult result = DRIVER_NEXT(vkCreateMicromapEXT)(handle, info, allocator, micromap);
     std::lock_guard lock(mutex);
     if (result == VK_SUCCESS)
@@ -172,7 +172,7 @@ VKAPI_ATTR void VKAPI_CALL cmdBuildMicromaps(VkCommandBuffer handle, uint32_t co
                                                   VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT |
                                                   VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
         if ((info.flags & ~known) != 0)
-            tell("vkCmdBuildMicromapsEXT: flags that the driver does not know");
+            report("vkCmdBuildMicromapsEXT: flags that the driver does not know");
     }
     builds += count;
     DRIVER_NEXT(vkCmdBuildMicromapsEXT)(handle, count, infos);
@@ -211,7 +211,7 @@ void takeUsages(const VkAccelerationStructureBuildGeometryInfoKHR &info, std::ve
         if (triangles == nullptr)
             continue;
         if (triangles->indexType == VK_INDEX_TYPE_NONE_KHR && triangles->indexBuffer.deviceAddress != 0)
-            tell(std::string(command) + ": an index buffer of indices of no type");
+            report(std::string(command) + ": an index buffer of indices of no type");
         usages.insert(usages.end(), triangles->pUsageCounts, triangles->pUsageCounts + triangles->usageCountsCount);
     }
 }
@@ -267,7 +267,7 @@ LevelRows extRows()
 
 } // namespace driver
 
-// For tests, which find it in this library: how many builds of micromaps drivers of the quirk "ext" were given.
+// Tests look this up in the library: the number of micromap builds that drivers of the quirk "ext" received.
 extern "C" __attribute__((visibility("default"))) uint64_t vellumExtBuilds();
 extern "C" uint64_t vellumExtBuilds()
 {

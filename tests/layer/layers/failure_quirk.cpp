@@ -24,7 +24,7 @@ std::atomic<uint64_t> calls = 0, failsAt = 0;
 std::atomic<bool> counting = false, lost = false;
 std::atomic<const char *> failed = "nothing";
 
-// Whether this one is to fail.
+// True if this call is to fail.
 bool fails(const char *command)
 {
     if (!counting || ++calls != failsAt)
@@ -188,7 +188,7 @@ VkFlags64 flagsOf(const void *chain, VkPipelineCreateFlags flags)
     return flags2 != nullptr ? flags2->flags : VkFlags64{flags};
 }
 
-// One after the other ("Multiple Pipeline Creation"); those that are not made are null.
+// One after the other ("Multiple Pipeline Creation"); the handle of a pipeline that fails is null.
 template <class Info, class Create>
 VkResult createEach(const char *command, void *key, uint32_t count, const Info *infos, VkPipeline *pipelines,
                     Create create)
@@ -291,7 +291,7 @@ driver::LevelRows driver::failureRows()
     return {device, instance};
 }
 
-// For tests. The n-th command from now on fails; 0: none. Returns how many there were since the last time.
+// For tests. The n-th command from now on fails; 0: none. Returns the number of commands since the last call.
 extern "C" __attribute__((visibility("default"))) uint64_t vellumDriverFailAt(uint64_t n);
 extern "C" uint64_t vellumDriverFailAt(uint64_t n)
 {
@@ -305,7 +305,7 @@ extern "C" const char *vellumDriverFailed()
 {
     return failed;
 }
-// Whether the device is lost.
+// Makes the device lost, or ends that.
 extern "C" __attribute__((visibility("default"))) void vellumDriverLose(int value);
 extern "C" void vellumDriverLose(int value)
 {

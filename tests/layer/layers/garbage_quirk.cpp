@@ -13,7 +13,7 @@ namespace
 using namespace driver;
 constexpr Level kLevel = Level::Garbage;
 
-// --- "dirty": memory that was somebody else's ---
+// --- "dirty": memory with the content of an earlier user ---
 
 constexpr uint8_t kOthers = 0xd7;
 constexpr VkDeviceSize kMostDirt = VkDeviceSize{64} << 20; // of one allocation
@@ -22,7 +22,7 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
                                               const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
 {
     const VkResult result = DRIVER_NEXT(vkAllocateMemory)(handle, info, allocator, memory);
-    // What is imported has its owner's content.
+    // Imported memory has its owner's content.
     const bool imported = inChain(info->pNext, VK_STRUCTURE_TYPE_IMPORT_MEMORY_HOST_POINTER_INFO_EXT) != nullptr ||
                           inChain(info->pNext, VK_STRUCTURE_TYPE_IMPORT_MEMORY_FD_INFO_KHR) != nullptr;
     if (result != VK_SUCCESS || imported || !has(keyOf(handle), "dirty"))
@@ -56,7 +56,7 @@ bool takesMore(void *key)
 void claim(VkAccelerationStructureBuildSizesInfoKHR &needed)
 {
     needed.buildScratchSize = needed.buildScratchSize * 2 + 1000;
-    // More than a build: nothing says which is the larger one.
+    // More than a build needs: it is unknown which is larger.
     needed.updateScratchSize = needed.buildScratchSize + 3000;
 }
 
@@ -134,7 +134,7 @@ VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructur
         claim(*needed);
 }
 
-// Over all of the scratch memory of a build, before it begins.
+// Fills all of the scratch memory of a build before it begins.
 void writeGarbage(VkCommandBuffer handle, const VkAccelerationStructureBuildGeometryInfoKHR &info,
                   const std::vector<uint32_t> &counts)
 {
@@ -163,8 +163,8 @@ void writeGarbage(VkCommandBuffer handle, const VkAccelerationStructureBuildGeom
         }
     }
     if (found.buffer == VK_NULL_HANDLE)
-        return tell("VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03671 or -03672: no buffer has the " +
-                    std::to_string(bytes) + " bytes of scratch memory at " + std::to_string(address));
+        return report("VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03671 or -03672: no buffer has the " +
+                      std::to_string(bytes) + " bytes of scratch memory at " + std::to_string(address));
     DRIVER_NEXT(vkCmdFillBuffer)(handle, found.buffer, offset, bytes & ~VkDeviceSize{3}, kScratch);
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What levels share that put lavapipe's memory where they want it: lavapipe imports host memory, and its device
+// Shared by the levels that choose the location of lavapipe's memory: lavapipe imports host memory, and its device
 // addresses are the host's.
 #pragma once
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The quirks "alignments", "push128", "compute" and "few": limits and features at the ends of what the specification
-// allows. Recorded commands are checked against them.
+// The quirks "alignments", "push128", "compute", "few" and "noqueries": limits and features at the ends of what the
+// specification allows. Recorded commands are checked against them.
 #include "layers/driver.h"
 
 #include <map>
@@ -80,15 +80,16 @@ void expectScratch(const char *command, uint32_t count, const VkAccelerationStru
 {
     for (const auto &info : std::span(infos, count)) {
         if (info.scratchData.deviceAddress % kScratchAlignment != 0)
-            tell(std::string(command) + ": VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710: scratch memory at " +
-                 std::to_string(info.scratchData.deviceAddress));
+            report(std::string(command) +
+                   ": VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710: scratch memory at " +
+                   std::to_string(info.scratchData.deviceAddress));
         if (info.geometryCount > 0 &&
             (info.pGeometries != nullptr ? info.pGeometries[0] : *info.ppGeometries[0]).geometryType ==
                 VK_GEOMETRY_TYPE_INSTANCES_KHR) {
             const auto &instances =
                 (info.pGeometries != nullptr ? info.pGeometries[0] : *info.ppGeometries[0]).geometry.instances;
             if (instances.data.deviceAddress % (instances.arrayOfPointers ? 8 : 16) != 0)
-                tell(std::string(command) + ": VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03715");
+                report(std::string(command) + ": VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03715");
         }
     }
 }
@@ -120,10 +121,11 @@ void expectTable(void *key, const char *command, const char *which, const VkStri
         return;
     const std::string where = std::string(command) + ": " + which;
     if (region.deviceAddress % kTableAlignment != 0)
-        tell(where + " table at " + std::to_string(region.deviceAddress) +
-             ", VUID-vkCmdTraceRaysKHR-pRayGenShaderBindingTable-03682 or its like");
+        report(where + " table at " + std::to_string(region.deviceAddress) +
+               ", VUID-vkCmdTraceRaysKHR-pRayGenShaderBindingTable-03682 or its like");
     if (region.stride % kHandleAlignment != 0 || region.stride > kMostStride)
-        tell(where + " stride " + std::to_string(region.stride) + ", VUID-vkCmdTraceRaysKHR-stride-03686 or its like");
+        report(where + " stride " + std::to_string(region.stride) +
+               ", VUID-vkCmdTraceRaysKHR-stride-03686 or its like");
 }
 
 void expectTables(void *key, const char *command, const VkStridedDeviceAddressRegionKHR *raygen,
@@ -162,6 +164,21 @@ VKAPI_ATTR void VKAPI_CALL cmdTraceRaysIndirect(VkCommandBuffer handle, const Vk
 std::mutex modulesMutex;
 std::map<VkShaderModule, uint32_t> invocationsOf; // of a workgroup, where a module's code says it
 
+bool lacksQueries(void *key)
+{
+    return has(key, "noqueries");
+}
+
+bool declaresRayQueries(const uint32_t *code, size_t bytes)
+{
+    constexpr uint32_t kCapability = 17, kRayQueryKHR = 4472;
+    const std::span words(code, bytes / sizeof(uint32_t));
+    for (size_t at = 5; at < words.size() && (words[at] & 0xffff) == kCapability; at += words[at] >> 16)
+        if (words[at + 1] == kRayQueryKHR)
+            return true;
+    return false;
+}
+
 // The most of all entry points.
 uint32_t invocationsIn(const uint32_t *code, size_t bytes)
 {
@@ -178,6 +195,8 @@ uint32_t invocationsIn(const uint32_t *code, size_t bytes)
 VKAPI_ATTR VkResult VKAPI_CALL createShaderModule(VkDevice handle, const VkShaderModuleCreateInfo *info,
                                                   const VkAllocationCallbacks *allocator, VkShaderModule *module)
 {
+    if (lacksQueries(keyOf(handle)) && declaresRayQueries(info->pCode, info->codeSize))
+        tell("vkCreateShaderModule: VUID-VkShaderModuleCreateInfo-pCode-08740: RayQueryKHR");
     const VkResult result = DRIVER_NEXT(vkCreateShaderModule)(handle, info, allocator, module);
     std::lock_guard lock(modulesMutex);
     if (result == VK_SUCCESS)
@@ -196,7 +215,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelin
         const uint32_t invocations =
             code != nullptr ? invocationsIn(code->pCode, code->codeSize) : invocationsOf[info.stage.module];
         if (computesLittle(keyOf(handle)) && invocations > kInvocations)
-            tell("vkCreateComputePipelines: VUID-RuntimeSpirv-x-06432: a workgroup of " + std::to_string(invocations));
+            report("vkCreateComputePipelines: VUID-RuntimeSpirv-x-06432: a workgroup of " +
+                   std::to_string(invocations));
     }
     return DRIVER_NEXT(vkCreateComputePipelines)(handle, cache, count, infos, allocator, pipelines);
 }
@@ -204,7 +224,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelin
 VKAPI_ATTR void VKAPI_CALL cmdDispatch(VkCommandBuffer handle, uint32_t x, uint32_t y, uint32_t z)
 {
     if (computesLittle(keyOf(handle)) && std::max({x, y, z}) > kGroups)
-        tell("VUID-vkCmdDispatch-groupCountX-00386 or its like: " + std::to_string(std::max({x, y, z})));
+        report("VUID-vkCmdDispatch-groupCountX-00386 or its like: " + std::to_string(std::max({x, y, z})));
     DRIVER_NEXT(vkCmdDispatch)(handle, x, y, z);
 }
 
@@ -215,8 +235,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createPipelineLayout(VkDevice handle, const VkPip
 {
     for (const VkPushConstantRange &range : std::span(info->pPushConstantRanges, info->pushConstantRangeCount)) {
         if (pushesLittle(keyOf(handle)) && range.offset + range.size > kPushBytes)
-            tell("vkCreatePipelineLayout: VUID-VkPushConstantRange-size-00298: up to byte " +
-                 std::to_string(range.offset + range.size));
+            report("vkCreatePipelineLayout: VUID-VkPushConstantRange-size-00298: up to byte " +
+                   std::to_string(range.offset + range.size));
     }
     return DRIVER_NEXT(vkCreatePipelineLayout)(handle, info, allocator, layout);
 }
@@ -225,13 +245,17 @@ VKAPI_ATTR void VKAPI_CALL cmdPushConstants(VkCommandBuffer handle, VkPipelineLa
                                             uint32_t offset, uint32_t size, const void *data)
 {
     if (pushesLittle(keyOf(handle)) && offset + size > kPushBytes)
-        tell("VUID-vkCmdPushConstants-size-00371: up to byte " + std::to_string(offset + size));
+        report("VUID-vkCmdPushConstants-size-00371: up to byte " + std::to_string(offset + size));
     DRIVER_NEXT(vkCmdPushConstants)(handle, layout, stages, offset, size, data);
 }
 
 VKAPI_ATTR void VKAPI_CALL getFeatures2(VkPhysicalDevice handle, VkPhysicalDeviceFeatures2 *features)
 {
     DRIVER_NEXT(vkGetPhysicalDeviceFeatures2)(handle, features);
+    auto *queries = inChainOut<VkPhysicalDeviceRayQueryFeaturesKHR>(
+        features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR);
+    if (queries != nullptr && lacksQueries(keyOf(handle)))
+        queries->rayQuery = VK_FALSE;
     if (!has(keyOf(handle), "few"))
         return;
     if (auto *robustness = inChainOut<VkPhysicalDeviceRobustness2FeaturesEXT>(
@@ -243,6 +267,26 @@ VKAPI_ATTR void VKAPI_CALL getFeatures2(VkPhysicalDevice handle, VkPhysicalDevic
     if (auto *vulkan12 = inChainOut<VkPhysicalDeviceVulkan12Features>(
             features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES))
         vulkan12->drawIndirectCount = VK_FALSE;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, uint32_t *count,
+                                                   VkExtensionProperties *properties)
+{
+    return listExtensions(kLevel, handle, layer, count, properties, [&](std::vector<VkExtensionProperties> &all) {
+        if (lacksQueries(keyOf(handle)))
+            std::erase_if(all, [](const VkExtensionProperties &e) {
+                return std::strcmp(e.extensionName, VK_KHR_RAY_QUERY_EXTENSION_NAME) == 0;
+            });
+    });
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDeviceCreateInfo *info,
+                                            const VkAllocationCallbacks *allocator, VkDevice *device)
+{
+    for (const char *name : std::span(info->ppEnabledExtensionNames, info->enabledExtensionCount))
+        if (lacksQueries(keyOf(handle)) && std::strcmp(name, VK_KHR_RAY_QUERY_EXTENSION_NAME) == 0)
+            return VK_ERROR_EXTENSION_NOT_PRESENT;
+    return DRIVER_NEXT(vkCreateDevice)(handle, info, allocator, device);
 }
 
 } // namespace
@@ -261,6 +305,8 @@ driver::LevelRows driver::limitRows()
         {"vkCmdDispatch", DRIVER_FUNCTION(cmdDispatch)},
     };
     static const Row instance[]{
+        {"vkCreateDevice", DRIVER_FUNCTION(createDevice)},
+        {"vkEnumerateDeviceExtensionProperties", DRIVER_FUNCTION(enumerateExtensions)},
         {"vkGetPhysicalDeviceProperties", DRIVER_FUNCTION(getProperties)},
         {"vkGetPhysicalDeviceProperties2", DRIVER_FUNCTION(getProperties2)},
         {"vkGetPhysicalDeviceFeatures2", DRIVER_FUNCTION(getFeatures2)},

@@ -133,8 +133,8 @@ struct Allocation {
     VkDeviceSize bytes = 0;
     VkMemoryPropertyFlags flags = 0;
     uint8_t *real = nullptr; // where it is mapped
-    // Of memory that is not coherent, what the host sees: neither side's writes are the other's without a flush or an
-    // invalidation. Whoever reads without one reads this pattern.
+    // The host's copy of memory that is not coherent: writes become visible to the other side only by a flush or an
+    // invalidation. A read without one returns this pattern.
     std::unique_ptr<std::vector<uint8_t>> host;
 };
 constexpr uint8_t kNeverInvalidated = 0xcd;
@@ -148,18 +148,18 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
 {
     const Memories &own = memoriesOf(keyOf(handle));
     if (info->memoryTypeIndex >= own.types.size()) {
-        tell("vkAllocateMemory: there is no memory type " + std::to_string(info->memoryTypeIndex));
+        report("vkAllocateMemory: there is no memory type " + std::to_string(info->memoryTypeIndex));
         return VK_ERROR_OUT_OF_DEVICE_MEMORY;
     }
     const VkMemoryType &type = own.types[info->memoryTypeIndex];
     const VkMemoryHeap &heap = own.heaps[type.heapIndex];
     if (info->allocationSize > heap.size) {
-        tell("VUID-vkAllocateMemory-pAllocateInfo-01713: " + std::to_string(info->allocationSize) +
-             " bytes of a heap of " + std::to_string(heap.size));
+        report("VUID-vkAllocateMemory-pAllocateInfo-01713: " + std::to_string(info->allocationSize) +
+               " bytes of a heap of " + std::to_string(heap.size));
         return VK_ERROR_OUT_OF_DEVICE_MEMORY;
     }
     if ((type.propertyFlags & kUncached) != 0) {
-        tell("VUID-vkAllocateMemory-deviceCoherentMemory-02790: the feature was not enabled");
+        report("VUID-vkAllocateMemory-deviceCoherentMemory-02790: the feature was not enabled");
         return VK_ERROR_OUT_OF_DEVICE_MEMORY;
     }
     {
@@ -201,7 +201,7 @@ VKAPI_ATTR VkResult VKAPI_CALL mapMemory(VkDevice handle, VkDeviceMemory memory,
     std::lock_guard lock(mutex);
     Allocation &known = allocations[memory];
     if ((known.flags & kVisible) == 0) {
-        tell("VUID-vkMapMemory-memory-00682: the memory is not host-visible");
+        report("VUID-vkMapMemory-memory-00682: the memory is not host-visible");
         return VK_ERROR_MEMORY_MAP_FAILED;
     }
     if (!known.host)
@@ -227,7 +227,7 @@ VKAPI_ATTR VkResult VKAPI_CALL mapMemory2(VkDevice handle, const MapInfo *info, 
     return mapMemory(handle, info->memory, info->offset, info->size, info->flags, data);
 }
 
-// Between the host's view of memory that is not coherent, and the device's.
+// Copies between the host's view of memory that is not coherent, and the device's.
 VkResult move(VkDevice handle, const char *command, uint32_t count, const VkMappedMemoryRange *ranges, bool toDevice)
 {
     const VkDeviceSize atom = has(keyOf(handle), "alignments") ? 256 : 64; // limits_quirk.cpp, or lavapipe's own
@@ -236,9 +236,9 @@ VkResult move(VkDevice handle, const char *command, uint32_t count, const VkMapp
         const Allocation &known = allocations[range.memory];
         const VkDeviceSize end = range.size == VK_WHOLE_SIZE ? known.bytes : range.offset + range.size;
         if (range.offset % atom != 0 || (end % atom != 0 && end != known.bytes) || end > known.bytes)
-            tell(std::string(command) + ": VUID-VkMappedMemoryRange-offset-00687 or -size-01390");
+            report(std::string(command) + ": VUID-VkMappedMemoryRange-offset-00687 or -size-01390");
         else if (known.real == nullptr)
-            tell(std::string(command) + ": VUID-VkMappedMemoryRange-memory-00684: memory that is not mapped");
+            report(std::string(command) + ": VUID-VkMappedMemoryRange-memory-00684: memory that is not mapped");
         else if (known.host) {
             uint8_t *host = known.host->data() + range.offset;
             uint8_t *device = known.real + range.offset;

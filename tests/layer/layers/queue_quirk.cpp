@@ -83,16 +83,17 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
     std::lock_guard lock(mutex);
     for (uint32_t i = 0; i < kFamilyCount; ++i)
         queues.erase({*device, i}); // of a device that is gone
-    for (const auto &asked : std::span(info->pQueueCreateInfos, info->queueCreateInfoCount)) {
-        if (asked.queueFamilyIndex >= kFamilyCount || asked.queueCount != 1)
-            tell("vkCreateDevice: VUID-VkDeviceCreateInfo-queueFamilyIndex-02802 or -queueCount-00382");
+    for (const auto &requested : std::span(info->pQueueCreateInfos, info->queueCreateInfoCount)) {
+        if (requested.queueFamilyIndex >= kFamilyCount || requested.queueCount != 1)
+            report("vkCreateDevice: VUID-VkDeviceCreateInfo-queueFamilyIndex-02802 or -queueCount-00382");
         else
-            queues[{*device, asked.queueFamilyIndex}] = std::make_unique<Queue>(Queue{nullptr, asked.queueFamilyIndex});
+            queues[{*device, requested.queueFamilyIndex}] =
+                std::make_unique<Queue>(Queue{nullptr, requested.queueFamilyIndex});
     }
     return result;
 }
 
-// What several families use is shared between those that the device has (VUID-VkBufferCreateInfo-sharingMode-00914,
+// The families of a concurrent resource must be families of the device (VUID-VkBufferCreateInfo-sharingMode-00914,
 // -01419).
 VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
                                             const VkAllocationCallbacks *allocator, VkBuffer *buffer)
@@ -102,11 +103,11 @@ VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreat
         const std::set<uint32_t> families(info->pQueueFamilyIndices,
                                           info->pQueueFamilyIndices + info->queueFamilyIndexCount);
         if (families.size() < 2 || families.size() != info->queueFamilyIndexCount)
-            tell("vkCreateBuffer: VUID-VkBufferCreateInfo-sharingMode-00914 or -01419");
+            report("vkCreateBuffer: VUID-VkBufferCreateInfo-sharingMode-00914 or -01419");
         std::lock_guard lock(mutex);
         for (const uint32_t family : families) {
             if (!queues.contains({handle, family}))
-                tell("vkCreateBuffer: the device has no queue of family " + std::to_string(family));
+                report("vkCreateBuffer: the device has no queue of family " + std::to_string(family));
         }
         below.sharingMode = VK_SHARING_MODE_EXCLUSIVE; // there is one family below
     }
@@ -118,7 +119,7 @@ VkQueue queueOf(VkDevice handle, uint32_t family)
     std::lock_guard lock(mutex);
     const auto found = queues.find({handle, family});
     if (found == queues.end()) {
-        tell("vkGetDeviceQueue: the device has no queue of family " + std::to_string(family));
+        report("vkGetDeviceQueue: the device has no queue of family " + std::to_string(family));
         return VK_NULL_HANDLE;
     }
     Queue &queue = *found->second;
@@ -149,8 +150,8 @@ void expectFamily(const char *where, VkQueue queue, VkCommandBuffer commands)
     std::lock_guard lock(mutex);
     const auto family = commandFamilies.find(commands);
     if (family != commandFamilies.end() && family->second != own(queue).family)
-        tell(std::string(where) + ": VUID-vkQueueSubmit-pCommandBuffers-00074: a command buffer of family " +
-             std::to_string(family->second) + " on a queue of family " + std::to_string(own(queue).family));
+        report(std::string(where) + ": VUID-vkQueueSubmit-pCommandBuffers-00074: a command buffer of family " +
+               std::to_string(family->second) + " on a queue of family " + std::to_string(own(queue).family));
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL submit(VkQueue handle, uint32_t count, const VkSubmitInfo *infos, VkFence fence)
@@ -197,7 +198,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createPool(VkDevice handle, const VkCommandPoolCr
     if (result == VK_SUCCESS)
         poolFamilies[*pool] = info->queueFamilyIndex;
     if (!queues.contains({handle, info->queueFamilyIndex}))
-        tell("VUID-vkCreateCommandPool-queueFamilyIndex-01937");
+        report("VUID-vkCreateCommandPool-queueFamilyIndex-01937");
     return result;
 }
 
@@ -220,8 +221,8 @@ VkQueueFlags flagsOf(VkCommandBuffer commands)
 void expectQueue(const char *command, VkCommandBuffer commands, VkQueueFlags oneOf)
 {
     if ((flagsOf(commands) & oneOf) == 0)
-        tell(std::string(command) + ": -commandBuffer-cmdpool: not in a family with queue flags " +
-             std::to_string(flagsOf(commands)));
+        report(std::string(command) + ": -commandBuffer-cmdpool: not in a family with queue flags " +
+               std::to_string(flagsOf(commands)));
 }
 
 void expectStages(const char *command, VkCommandBuffer commands, VkPipelineStageFlags2 stages)
@@ -238,8 +239,8 @@ void expectStages(const char *command, VkCommandBuffer commands, VkPipelineStage
     if (((stages & kOfCompute) != 0 && (flags & kCompute) == 0) ||
         ((stages & kOfGraphics) != 0 && (flags & kGraphics) == 0) ||
         ((stages & VK_PIPELINE_STAGE_2_DRAW_INDIRECT_BIT) != 0 && (flags & (kGraphics | kCompute)) == 0))
-        tell(std::string(command) + ": VUID-vkCmdPipelineBarrier-srcStageMask-06461 or its like: stages " +
-             std::to_string(stages) + " in a family with queue flags " + std::to_string(flags));
+        report(std::string(command) + ": VUID-vkCmdPipelineBarrier-srcStageMask-06461 or its like: stages " +
+               std::to_string(stages) + " in a family with queue flags " + std::to_string(flags));
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdBarrier(VkCommandBuffer handle, VkPipelineStageFlags from, VkPipelineStageFlags to,

@@ -10,8 +10,7 @@ const char *const kQuirkVariable = "VELLUM_TEST_MOCK_DRIVER";
 std::span<const Quirk> allQuirks()
 {
     static constexpr Quirk quirks[]{
-        {"spy", Level::Spy,
-         "a driver that knows nothing of micromaps, and tells of every flag, structure and name of theirs"},
+        {"spy", Level::Spy, "a driver without micromaps, which reports every flag, structure and name of theirs"},
         {"displacement", Level::Spy, "a driver with micromaps and VK_NV_displacement_micromap, which it only says"},
         {"hostmemory", Level::Spy, "a memory type more, of which there is memory left when there is no other"},
         {"ext", Level::Ext,
@@ -23,9 +22,10 @@ std::span<const Quirk> allQuirks()
          "a driver that rewrites shaders and structures itself: that copy emulates micromaps on every device, though "
          "it says nothing of them"},
         {"vendors", Level::Vendors,
-         "extensions for ray tracing that do not work beside the layer's micromaps, and one that it does not know, "
+         "extensions for ray tracing that do not work together with the layer's micromaps, and one that it does not know, "
          "which the driver only says"},
-        {"failures", Level::Failures, "what a test asks for runs out of memory, or the device is lost (Lost Device)"},
+        {"failures", Level::Failures,
+         "commands that a test selects run out of memory, or the device is lost (Lost Device)"},
         {"uncompiled", Level::Failures,
          "pipelines that are made only if nothing has to be compiled are not made (VK_PIPELINE_COMPILE_REQUIRED)"},
         {"caching", Level::Caches,
@@ -44,6 +44,8 @@ std::span<const Quirk> allQuirks()
          "with 16 KiB of shared memory"},
         {"few", Level::Limits,
          "neither nullDescriptor nor indexTypeUint8 nor drawIndirectCount (Feature Requirements)"},
+        {"noqueries", Level::Limits,
+         "no VK_KHR_ray_query, as GPUs for computing have it: rays are traced by ray tracing pipelines alone"},
         {"queues", Level::Queues,
          "queue families for graphics, graphics and compute, compute, and transfers, in this order (Physical Devices)"},
         {"structures", Level::Structures,
@@ -58,13 +60,13 @@ std::span<const Quirk> allQuirks()
         {"uncached", Level::Memory,
          "memory types with DEVICE_COHERENT_BIT_AMD, which only devices with that feature may use, are all that is "
          "local to the device and host-visible"},
-#ifndef _WIN32 // where memory cannot be mapped in these ways
+#ifndef _WIN32 // where memory cannot be mapped this way
         {"elsewhere", Level::Addresses,
          "a structure's address is not that of its buffer, unless it is GENERIC "
          "(vkGetAccelerationStructureDeviceAddressKHR), and is given again; mapped memory is not at its device "
          "address"},
         {"replay", Level::Replay,
-         "bufferDeviceAddressCaptureReplay: memory is at the address that was asked for, or at a random one; host "
+         "bufferDeviceAddressCaptureReplay: memory is at the requested address, or at a random one; host "
          "memory cannot be imported"},
 #endif
         {"dirty", Level::Garbage, "memory that is allocated holds what was there before, and not zeros"},

@@ -74,32 +74,32 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
 {
     const bool ext = driver::has(keyOf(handle), "ext");
     const std::span names(info->ppEnabledExtensionNames, info->enabledExtensionCount);
-    const auto asked = [&names](const char *extension) {
+    const auto isEnabled = [&names](const char *extension) {
         return std::any_of(names.begin(), names.end(),
                            [extension](const char *name) { return std::strcmp(name, extension) == 0; });
     };
-    for (const char *ours :
+    for (const char *provided :
          {VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME,
           "VK_ARM_pipeline_opacity_micromap", VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME, kDisplacement}) {
-        if (asked(ours) && !(ext && std::strcmp(ours, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0))
-            tell(std::string("vkCreateDevice: ") + ours);
+        if (isEnabled(provided) && !(ext && std::strcmp(provided, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0))
+            report(std::string("vkCreateDevice: ") + provided);
     }
     const auto *features = inChain<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
         info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
     if (features != nullptr && !ext)
-        tell("vkCreateDevice: VkPhysicalDeviceOpacityMicromapFeaturesEXT");
+        report("vkCreateDevice: VkPhysicalDeviceOpacityMicromapFeaturesEXT");
     if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR) != nullptr)
-        tell("vkCreateDevice: VkPhysicalDeviceOpacityMicromapFeaturesKHR");
+        report("vkCreateDevice: VkPhysicalDeviceOpacityMicromapFeaturesKHR");
     if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR) != nullptr)
-        tell("vkCreateDevice: VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR");
+        report("vkCreateDevice: VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR");
     // VkPhysicalDevicePipelineOpacityMicromapFeaturesARM
     if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PIPELINE_OPACITY_MICROMAP_FEATURES_ARM) != nullptr)
-        tell("vkCreateDevice: features of pipelines with micromaps");
+        report("vkCreateDevice: features of pipelines with micromaps");
     const VkResult result = SPY_NEXT(vkCreateDevice)(handle, info, allocator, device);
     if (result == VK_SUCCESS) {
         std::lock_guard lock(mutex);
         withMicromaps.erase(keyOf(*device)); // one that is gone
-        if (ext && asked(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) && features != nullptr &&
+        if (ext && isEnabled(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) && features != nullptr &&
             features->micromap == VK_TRUE)
             withMicromaps.insert(keyOf(*device));
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The quirk "spy": what the files with its commands share. It stands for a driver that knows nothing of micromaps, and
+// The quirk "spy": what the files with its commands share. It simulates a driver without micromaps, and
 // reports every flag, structure and extension name of theirs that reaches it. (The validation layer does not: it knows
 // the extension and lets most of its bits pass.) Each file has the commands of one kind.
 #pragma once
@@ -23,19 +23,18 @@ Function nextOfDevice(void *key, const char *name)
 }
 #define SPY_NEXT(function) DRIVER_NEXT(function)
 
-inline void tell(const std::string &text)
+inline void report(const std::string &text)
 {
-    driver::tell(text, "SPY");
+    driver::report(text, "SPY");
 }
 
-// Whether it is of a device with the driver's own VK_EXT_opacity_micromap (quirk "ext"): then that extension is
-// welcome.
+// True if the device has the driver's own VK_EXT_opacity_micromap (quirk "ext"): the spy then accepts that extension.
 bool knowsMicromaps(void *key);
 
 void expectStages(void *key, const char *where, VkPipelineStageFlags2 stages);
 // A command buffer was begun: what it traces with must be its own if it may run twice at once.
 void noteUsage(VkCommandBuffer commands, VkCommandBufferUsageFlags usage);
-// There was a build in the command buffer.
+// Records that the command buffer contains a build.
 void noteBuild(VkCommandBuffer commands);
 
 #define SPY_FUNCTION(name) DRIVER_FUNCTION(name)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where VELLUM_TEST_SPY_CACHE is in the environment, the spy is a driver with pipeline caches, which lavapipe's are
-// not: its caches never hold anything. A pipeline's key is made of all that a driver would compile: the words of its
-// modules, entry points, specialization, flags, groups and libraries. Creation feedback reports hits.
+// If VELLUM_TEST_SPY_CACHE is set, the spy is a driver with pipeline caches; lavapipe's never hold anything. A
+// pipeline's key consists of everything that a driver would compile: the words of its modules, entry points,
+// specialization, flags, groups and libraries. Creation feedback reports hits.
 #include "layers/spy.h"
 
 #include <algorithm>
@@ -133,11 +133,11 @@ VKAPI_ATTR VkResult VKAPI_CALL getCacheData(VkDevice handle, VkPipelineCache cac
         return SPY_NEXT(vkGetPipelineCacheData)(handle, cache, size, data);
     std::lock_guard lock(mutex);
     const std::set<Key> &known = caches[cache];
-    const size_t room = *size / sizeof(Key);
+    const size_t capacity = *size / sizeof(Key);
     *size = known.size() * sizeof(Key);
     if (data == nullptr)
         return VK_SUCCESS;
-    if (room < known.size())
+    if (capacity < known.size())
         return VK_INCOMPLETE;
     std::copy(known.begin(), known.end(), static_cast<Key *>(data));
     return VK_SUCCESS;

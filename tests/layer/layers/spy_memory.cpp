@@ -25,7 +25,7 @@ void expectNoMicromapUsage(bool known, const char *where, VkBufferUsageFlags usa
 {
     if (!known && ((usage | usage2In(chain).value_or(0)) & (VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT |
                                                             VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT)) != 0)
-        tell(std::string(where) + ": micromap usage");
+        report(std::string(where) + ": micromap usage");
 }
 
 // Protected buffers, and those in tile memory, may have few usages.
@@ -38,9 +38,10 @@ void expectAllowedUsage(const char *where, const VkBufferCreateInfo &info)
                                    VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
     const VkFlags64 usage = usage2In(info.pNext).value_or(info.usage);
     if ((info.flags & VK_BUFFER_CREATE_PROTECTED_BIT) != 0 && (usage & ~kAllowed) != 0)
-        tell(std::string(where) + ": usage that a protected buffer may not have (VUID-VkBufferCreateInfo-flags-09641)");
+        report(std::string(where) +
+               ": usage that a protected buffer may not have (VUID-VkBufferCreateInfo-flags-09641)");
     if ((usage & kTileMemory) != 0 && (usage & ~(kAllowed | kTileMemory)) != 0)
-        tell(std::string(where) + ": usage that no tile memory may have (VUID-VkBufferCreateInfo-usage-10764)");
+        report(std::string(where) + ": usage that no tile memory may have (VUID-VkBufferCreateInfo-usage-10764)");
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
@@ -112,7 +113,7 @@ void expectMapped(const char *where, VkDeviceMemory memory, bool before, bool af
         was = std::exchange(mapped[memory], after);
     }
     if (was != before)
-        tell(std::string(where) + (was ? ": memory that is mapped" : ": memory that is not mapped"));
+        report(std::string(where) + (was ? ": memory that is mapped" : ": memory that is not mapped"));
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL mapMemory(VkDevice handle, VkDeviceMemory memory, VkDeviceSize offset, VkDeviceSize size,
@@ -191,8 +192,7 @@ std::span<const Row> memory()
 
 } // namespace spy
 
-// For tests, which find it in this library: how many allocations of device memory there are, the layer's and the
-// tests'.
+// Tests look this up in the library: the number of current allocations of device memory, by the layer and the tests.
 extern "C" __attribute__((visibility("default"))) uint64_t vellumSpyAllocations();
 extern "C" uint64_t vellumSpyAllocations()
 {

@@ -25,13 +25,13 @@ VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags)
 constexpr VkFlags64 kDisallowMicromaps = VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM;
 constexpr VkFlags64 kDisallowMixed = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
 
-// What no kind of pipeline may have.
+// Flags that no kind of pipeline may have.
 void expectPromises(const char *where, VkFlags64 flags)
 {
     if ((flags & kDisallowMicromaps) != 0)
-        tell(std::string(where) + ": DISALLOW_OPACITY_MICROMAP_BIT_ARM");
+        report(std::string(where) + ": DISALLOW_OPACITY_MICROMAP_BIT_ARM");
     if ((flags & kDisallowMixed) != 0)
-        tell(std::string(where) + ": OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR");
+        report(std::string(where) + ": OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR");
 }
 
 // --- modules ---
@@ -45,15 +45,15 @@ void expectModule(void *key, const char *where, const void *code, size_t size)
         if (opcode == kExtension) {
             const std::string_view name(reinterpret_cast<const char *>(&words[at + 1]));
             if (name == "SPV_KHR_opacity_micromap" || (name == "SPV_EXT_opacity_micromap" && !knowsMicromaps(key)))
-                tell(std::string(where) + ": a module with " + std::string(name));
+                report(std::string(where) + ": a module with " + std::string(name));
         }
         if (opcode == kCapability && length == 2) {
             constexpr uint32_t kMicromap = 5381, kExecutionMode = 6032; // RayTracingOpacityMicromap...
             if (words[at + 1] == kExecutionMode || (words[at + 1] == kMicromap && !knowsMicromaps(key)))
-                tell(std::string(where) + ": a module with the capability " + std::to_string(words[at + 1]));
+                report(std::string(where) + ": a module with the capability " + std::to_string(words[at + 1]));
         }
         if (opcode == kExecutionModeId && length > 2 && words[at + 2] == 6031)
-            tell(std::string(where) + ": a module with OpacityMicromapIdKHR");
+            report(std::string(where) + ": a module with OpacityMicromapIdKHR");
     }
 }
 
@@ -110,7 +110,8 @@ void expectGroups(const char *where, const VkRayTracingPipelineCreateInfoKHR &in
     const auto expectStage = [&](uint32_t stage, VkShaderStageFlags allowed) {
         if (stage != VK_SHADER_UNUSED_KHR &&
             (stage >= stages.size() || (VkShaderStageFlags{stages[stage].stage} & allowed) == 0))
-            tell(std::string(where) + ": a group names stage " + std::to_string(stage) + ", which is of another kind");
+            report(std::string(where) + ": a group names stage " + std::to_string(stage) +
+                   ", which is of another kind");
     };
     const auto payloadOf = [&](uint32_t stage) { return stage < stages.size() ? stages[stage].payload : std::nullopt; };
     for (const VkRayTracingShaderGroupCreateInfoKHR &group : std::span(info.pGroups, info.groupCount)) {
@@ -124,7 +125,7 @@ void expectGroups(const char *where, const VkRayTracingPipelineCreateInfoKHR &in
         const auto anyHit = payloadOf(group.anyHitShader);
         const auto closestHit = payloadOf(group.closestHitShader);
         if (anyHit && closestHit && *anyHit != *closestHit)
-            tell(std::string(where) + ": a hit group whose shaders have payloads of different types");
+            report(std::string(where) + ": a hit group whose shaders have payloads of different types");
     }
 }
 
@@ -139,8 +140,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaderModule(VkDevice handle, const VkShade
     const std::span words(info->pCode, info->codeSize / sizeof(uint32_t));
     // The validation layer of Debian 12 does not look at it.
     if (std::getenv("VELLUM_TEST_VULKAN") != nullptr && words[1] > vellum::spirv::kVersion14)
-        tell("vkCreateShaderModule: SPIR-V that is newer than the program's Vulkan 1.1 with VK_KHR_spirv_1_4 "
-             "(VUID-VkShaderModuleCreateInfo-pCode-08737)");
+        report("vkCreateShaderModule: SPIR-V that is newer than the program's Vulkan 1.1 with VK_KHR_spirv_1_4 "
+               "(VUID-VkShaderModuleCreateInfo-pCode-08737)");
     std::lock_guard lock(mutex);
     rayModules.erase(*module);
     if (vellum::spirv::scan(words).hasStages)
@@ -196,7 +197,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, uint32_t count, co
     constexpr VkFlags disallowMixed = 1u << 12; // ..._OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT
     for (const ShaderCreateInfo &info : std::span(infos, count)) {
         if ((info.flags & disallowMixed) != 0)
-            tell("vkCreateShadersEXT: OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT");
+            report("vkCreateShadersEXT: OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT");
         constexpr uint32_t spirv = 1; // VK_SHADER_CODE_TYPE_SPIRV_EXT
         if (info.codeType == spirv)
             expectModule(keyOf(handle), "vkCreateShadersEXT", info.pCode, info.codeSize);
@@ -207,7 +208,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, uint32_t count, co
 
 // --- ray tracing pipelines ---
 
-// What the specification's formula for the default stack size needs (raytracing.adoc, "Ray Tracing Pipeline Stack").
+// The inputs of the specification's formula for the default stack size (raytracing.adoc, "Ray Tracing Pipeline Stack").
 struct StackNeed {
     VkDeviceSize raygen = 0, miss = 0, closestHit = 0, anyHit = 0, intersection = 0, callable = 0;
     uint32_t depth = 0;
@@ -268,7 +269,7 @@ void expectPipeline(void *key, const VkRayTracingPipelineCreateInfoKHR &info)
 {
     const VkFlags64 flags = pipelineFlags(info.pNext, info.flags);
     if (!knowsMicromaps(key) && (flags & VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT) != 0)
-        tell("vkCreateRayTracingPipelinesKHR: VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT");
+        report("vkCreateRayTracingPipelinesKHR: VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT");
     expectPromises("vkCreateRayTracingPipelinesKHR", flags);
     expectStageModules(key, "vkCreateRayTracingPipelinesKHR", {info.pStages, info.stageCount});
     if (const auto stages = stagesOf(info))
@@ -317,15 +318,15 @@ VKAPI_ATTR void VKAPI_CALL cmdSetStackSize(VkCommandBuffer handle, uint32_t size
         need = stackNeeds[boundPipelines[handle]].total();
     }
     if (size < need)
-        tell("vkCmdSetRayTracingPipelineStackSizeKHR: " + std::to_string(size) + " bytes where the pipeline needs " +
-             std::to_string(need));
+        report("vkCmdSetRayTracingPipelineStackSizeKHR: " + std::to_string(size) + " bytes where the pipeline needs " +
+               std::to_string(need));
     SPY_NEXT(vkCmdSetRayTracingPipelineStackSizeKHR)(handle, size);
 }
 
 // --- traces ---
 
-// What the traces of a command buffer with SIMULTANEOUS_USE read, which two queues may execute at once. No other trace
-// of it may have written that: then it would overlap, or have the same address.
+// The memory that the traces of a command buffer with SIMULTANEOUS_USE read. Two queues may execute it at once, so no
+// other trace in it may have written the same memory.
 struct TracedWith {
     std::vector<VkStridedDeviceAddressRegionKHR> hitTables;
     std::vector<VkDeviceAddress> commands;
@@ -345,7 +346,7 @@ VKAPI_ATTR void VKAPI_CALL cmdTraceRays(VkCommandBuffer handle, const VkStridedD
                 const bool overlaps = hit->deviceAddress < other.deviceAddress + other.size &&
                                       other.deviceAddress < hit->deviceAddress + hit->size;
                 if (overlaps && (hit->deviceAddress != other.deviceAddress || hit->size != other.size))
-                    tell("vkCmdTraceRaysKHR: hit tables of a command buffer that may run twice at once overlap");
+                    report("vkCmdTraceRaysKHR: hit tables of a command buffer that may run twice at once overlap");
             }
             found->second.hitTables.push_back(*hit);
         }
@@ -359,7 +360,7 @@ VKAPI_ATTR void VKAPI_CALL cmdTraceRaysIndirect2(VkCommandBuffer handle, VkDevic
         std::lock_guard lock(mutex);
         if (const auto found = tracedWith.find(handle); found != tracedWith.end()) {
             if (std::ranges::find(found->second.commands, command) != found->second.commands.end())
-                tell("vkCmdTraceRaysIndirect2KHR: commands of a command buffer that may run twice at once are one");
+                report("vkCmdTraceRaysIndirect2KHR: commands of a command buffer that may run twice at once are one");
             found->second.commands.push_back(command);
         }
     }

@@ -16,24 +16,24 @@ void expectBuild(void *key, const char *where, const VkAccelerationStructureBuil
                             VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT |
                             VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT;
     if (info.type > VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
-        tell(std::string(where) + ": a type that the driver does not know");
+        report(std::string(where) + ": a type that the driver does not know");
     if ((info.flags & VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR) != 0)
-        tell(std::string(where) + ": VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR");
+        report(std::string(where) + ": VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR");
     if (!knowsMicromaps(key) && (info.flags & ext) != 0)
-        tell(std::string(where) + ": micromap build flags");
+        report(std::string(where) + ": micromap build flags");
     for (uint32_t i = 0; i < info.geometryCount; ++i) {
         const VkAccelerationStructureGeometryKHR &geometry =
             info.pGeometries != nullptr ? info.pGeometries[i] : *info.ppGeometries[i];
         if (geometry.geometryType > VK_GEOMETRY_TYPE_INSTANCES_KHR)
-            tell(std::string(where) + ": a type of geometry that the driver does not know");
+            report(std::string(where) + ": a type of geometry that the driver does not know");
         if (geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR &&
             inChain(geometry.geometry.triangles.pNext,
                     VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR) != nullptr)
-            tell(std::string(where) + ": VkAccelerationStructureTrianglesOpacityMicromapKHR");
+            report(std::string(where) + ": VkAccelerationStructureTrianglesOpacityMicromapKHR");
         if (!knowsMicromaps(key) && geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR &&
             inChain(geometry.geometry.triangles.pNext,
                     VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT) != nullptr)
-            tell(std::string(where) + ": VkAccelerationStructureTrianglesOpacityMicromapEXT");
+            report(std::string(where) + ": VkAccelerationStructureTrianglesOpacityMicromapEXT");
     }
 }
 
@@ -43,7 +43,7 @@ std::map<VkAccelerationStructureKHR, std::pair<VkBuffer, uint64_t>> known;
 std::map<VkBuffer, uint64_t> destroyedBuffers;
 std::mutex knownMutex;
 
-// Whether it is the driver's; the spy reports the others.
+// True if the driver created it; the spy reports others.
 bool expectStructure(const char *where, VkAccelerationStructureKHR structure)
 {
     bool theDrivers = structure == VK_NULL_HANDLE;
@@ -52,7 +52,7 @@ bool expectStructure(const char *where, VkAccelerationStructureKHR structure)
         theDrivers = theDrivers || known.contains(structure);
     }
     if (!theDrivers)
-        tell(std::string(where) + ": an acceleration structure that is not the driver's");
+        report(std::string(where) + ": an acceleration structure that is not the driver's");
     return theDrivers;
 }
 
@@ -61,7 +61,7 @@ bool expectObject(void *key, const char *where, VkObjectType type, uint64_t obje
     if (type == VK_OBJECT_TYPE_MICROMAP_EXT && knowsMicromaps(key))
         return true;
     if (type == VK_OBJECT_TYPE_MICROMAP_EXT)
-        tell(std::string(where) + ": an object of type VK_OBJECT_TYPE_MICROMAP_EXT");
+        report(std::string(where) + ": an object of type VK_OBJECT_TYPE_MICROMAP_EXT");
     if (type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR)
         return expectStructure(where, reinterpret_cast<VkAccelerationStructureKHR>(object));
     return type != VK_OBJECT_TYPE_MICROMAP_EXT;
@@ -72,7 +72,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createStructure(VkDevice handle, const VkAccelera
                                                VkAccelerationStructureKHR *structure)
 {
     if (info->type > VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
-        tell("vkCreateAccelerationStructureKHR: a type that the driver does not know");
+        report("vkCreateAccelerationStructureKHR: a type that the driver does not know");
     const VkResult result = SPY_NEXT(vkCreateAccelerationStructureKHR)(handle, info, allocator, structure);
     std::lock_guard lock(knownMutex);
     if (result == VK_SUCCESS)
@@ -123,7 +123,7 @@ VKAPI_ATTR VkDeviceAddress VKAPI_CALL structureAddress(VkDevice handle,
         std::lock_guard lock(knownMutex);
         const auto [buffer, destroyed] = known[info->accelerationStructure];
         if (destroyedBuffers[buffer] != destroyed)
-            tell("vkGetAccelerationStructureDeviceAddressKHR: a structure whose buffer is gone");
+            report("vkGetAccelerationStructureDeviceAddressKHR: a structure whose buffer is gone");
     }
     return SPY_NEXT(vkGetAccelerationStructureDeviceAddressKHR)(handle, info);
 }
@@ -161,7 +161,7 @@ VKAPI_ATTR VkResult VKAPI_CALL setTag(VkDevice handle, const VkDebugUtilsObjectT
                : VK_SUCCESS;
 }
 
-// Whether the driver has VK_EXT_debug_marker or not: lavapipe has not.
+// Offered on lavapipe, too, which lacks VK_EXT_debug_marker.
 VKAPI_ATTR VkResult VKAPI_CALL setMarkerName(VkDevice handle, const VkDebugMarkerObjectNameInfoEXT *info)
 {
     expectObject(keyOf(handle), "vkDebugMarkerSetObjectNameEXT", static_cast<VkObjectType>(info->objectType),

@@ -15,7 +15,7 @@ namespace spy
 void expectStages(void *key, const char *where, VkPipelineStageFlags2 stages)
 {
     if (!knowsMicromaps(key) && (stages & VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT) != 0)
-        tell(std::string(where) + ": MICROMAP_BUILD stage");
+        report(std::string(where) + ": MICROMAP_BUILD stage");
 }
 
 namespace
@@ -25,7 +25,7 @@ void expectAccess(void *key, const char *where, VkAccessFlags2 access)
 {
     if (!knowsMicromaps(key) &&
         (access & (VK_ACCESS_2_MICROMAP_READ_BIT_EXT | VK_ACCESS_2_MICROMAP_WRITE_BIT_EXT)) != 0)
-        tell(std::string(where) + ": MICROMAP_READ or MICROMAP_WRITE access");
+        report(std::string(where) + ": MICROMAP_READ or MICROMAP_WRITE access");
 }
 
 template <class Barrier>
@@ -39,7 +39,7 @@ void expectBarrier(void *key, const char *where, const Barrier &barrier)
 
 // "MEMORY srcStage srcAccess dstStage dstAccess", and for buffers " srcFamily dstFamily offset size buffer" after it.
 template <class Barrier>
-void tellBarrier(const Barrier &b)
+void reportBarrier(const Barrier &b)
 {
     if (std::getenv("VELLUM_TEST_SPY_BARRIERS") == nullptr)
         return;
@@ -49,17 +49,17 @@ void tellBarrier(const Barrier &b)
     if constexpr (std::is_same_v<Barrier, VkBufferMemoryBarrier2>)
         text << ' ' << b.srcQueueFamilyIndex << ' ' << b.dstQueueFamilyIndex << ' ' << b.offset << ' ' << b.size << ' '
              << reinterpret_cast<uint64_t>(b.buffer);
-    tell(text.str());
+    report(text.str());
 }
 
 void expectDependency(void *key, const char *where, const VkDependencyInfo &info)
 {
     if (inChain(info.pNext, VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR) != nullptr)
-        tell(std::string(where) + ": VkMemoryRangeBarriersInfoKHR");
+        report(std::string(where) + ": VkMemoryRangeBarriersInfoKHR");
     for (const VkMemoryBarrier2 &b : std::span(info.pMemoryBarriers, info.memoryBarrierCount))
-        tellBarrier(b);
+        reportBarrier(b);
     for (const VkBufferMemoryBarrier2 &b : std::span(info.pBufferMemoryBarriers, info.bufferMemoryBarrierCount))
-        tellBarrier(b);
+        reportBarrier(b);
     for (const VkMemoryBarrier2 &b : std::span(info.pMemoryBarriers, info.memoryBarrierCount))
         expectBarrier(key, where, b);
     for (const VkBufferMemoryBarrier2 &b : std::span(info.pBufferMemoryBarriers, info.bufferMemoryBarrierCount))
@@ -75,10 +75,9 @@ void expectDependency(void *key, const char *where, const VkDependencyInfo &info
     }
 }
 
-// Whoever waits for a build, waits for the stage of builds only: what the layer adds to a build by a transfer must be
-// ordered before what comes in that stage. And whoever makes a build wait, for a semaphore, makes it wait in that
-// stage: the transfer must wait for what comes before it in that stage.
-// A dispatch reads what a transfer before it wrote: the layer's, as it happens, always does.
+// Barriers and semaphores of an application name only the stage of builds. A transfer that the layer adds to a build
+// must therefore be ordered before later work in that stage, and after earlier work in it. A dispatch reads what an
+// earlier transfer wrote; this holds for all dispatches of the layer.
 struct Updates {
     bool built = false;       // there was a build in the command buffer
     bool pending = false;     // and then a transfer, and no barrier since
@@ -133,7 +132,7 @@ bool hasMarkers()
     return std::getenv("VELLUM_TEST_SPY_MARKER") != nullptr;
 }
 
-// Whether the driver has it or not: lavapipe has not.
+// Offered on lavapipe, too, which lacks the extension.
 VKAPI_ATTR void VKAPI_CALL cmdWriteBufferMarker2(VkCommandBuffer handle, VkPipelineStageFlags2 stage, VkBuffer buffer,
                                                  VkDeviceSize offset, uint32_t marker)
 {
@@ -198,9 +197,9 @@ VKAPI_ATTR void VKAPI_CALL cmdUpdateBuffer(VkCommandBuffer handle, VkBuffer buff
         updates[handle].transferred = true;
         waits = updates[handle].waits;
     }
-    constexpr VkDeviceSize descriptor = 32; // what the layer writes; the tests write other sizes
+    constexpr VkDeviceSize descriptor = 32; // the layer's size; the tests write other sizes
     if (size == descriptor && !waits)
-        tell("vkCmdUpdateBuffer: not ordered after builds before it");
+        report("vkCmdUpdateBuffer: not ordered after builds before it");
     SPY_NEXT(vkCmdUpdateBuffer)(handle, buffer, offset, size, data);
 }
 
@@ -212,7 +211,7 @@ void expectTransfersAreSeen(VkCommandBuffer handle, const char *where)
         transferred = updates[handle].transferred;
     }
     if (transferred)
-        tell(std::string(where) + ": a transfer before it, and no barrier");
+        report(std::string(where) + ": a transfer before it, and no barrier");
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdDispatch(VkCommandBuffer handle, uint32_t x, uint32_t y, uint32_t z)
@@ -256,7 +255,7 @@ VKAPI_ATTR VkResult VKAPI_CALL endCommandBuffer(VkCommandBuffer handle)
         pending = updates[handle].pending;
     }
     if (pending)
-        tell("vkEndCommandBuffer: a transfer after a build, and no barrier");
+        report("vkEndCommandBuffer: a transfer after a build, and no barrier");
     return SPY_NEXT(vkEndCommandBuffer)(handle);
 }
 
@@ -285,7 +284,7 @@ std::span<const Row> synchronization()
         {"vkCmdWriteTimestamp2", SPY_FUNCTION(cmdWriteTimestamp2)},
         {"vkQueueSubmit2", SPY_FUNCTION(queueSubmit2)},
         {"vkCreateRenderPass2", SPY_FUNCTION(createRenderPass2)},
-        // By the first of them the layer knows that the extension is there.
+        // The layer detects the extension by the first of them.
         {"vkCmdWriteBufferMarkerAMD", SPY_FUNCTION(cmdWriteBufferMarker2), Row::Where::Always, hasMarkers},
         {"vkCmdWriteBufferMarker2AMD", SPY_FUNCTION(cmdWriteBufferMarker2), Row::Where::Always},
         {"vkCmdDispatchTileQCOM", SPY_FUNCTION(cmdDispatchTile), Row::Where::Always, hasVendorCommands},

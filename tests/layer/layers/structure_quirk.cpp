@@ -27,8 +27,8 @@ struct Handle {
     VkAccelerationStructureTypeKHR type{};
 };
 struct Content {
-    VkDeviceSize bytes = 0;   // that lavapipe has written
-    VkDeviceSize claimed = 0; // that are the driver's
+    VkDeviceSize bytes = 0;   // written by lavapipe
+    VkDeviceSize claimed = 0; // reported by the driver
 };
 struct ExactSizeHandle { // a handle of lavapipe's, of just that many bytes
     Key place;
@@ -114,8 +114,8 @@ Handle handleOf(VkAccelerationStructureKHR structure)
     return handles[structure];
 }
 
-// What lavapipe 25 has written at the begin of a structure, which is host memory: its bounds, and how much it needs
-// when it is serialized, which is the header of the specification, the handles of instances, and the structure.
+// Content that lavapipe 25 writes at the beginning of a structure, which is host memory: its bounds, and the size of
+// its serialized form, which consists of the specification's header, the handles of instances, and the structure.
 Content writtenBy(VkAccelerationStructureKHR structure)
 {
     const Handle own = handleOf(structure);
@@ -164,7 +164,7 @@ VkAccelerationStructureKHR ofExactSize(VkCommandBuffer handle, VkAccelerationStr
     return known->second;
 }
 
-// Between what lavapipe needs and what was claimed.
+// A size between lavapipe's and the claimed one.
 void writeGarbage(VkCommandBuffer handle, VkAccelerationStructureKHR structure, const Content &content)
 {
     const Handle own = handleOf(structure);
@@ -217,11 +217,11 @@ VkAccelerationStructureBuildGeometryInfoKHR exactSizeBuild(VkCommandBuffer handl
     const VkDeviceSize bytes = neededBytes(handle, info, counts);
     Content content{bytes, claimedBytes(bytes)};
     if (target.size < (update ? content.bytes : content.claimed))
-        tell(
+        report(
             "vkCmdBuildAccelerationStructuresKHR: VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126: a handle of " +
             std::to_string(target.size) + " bytes for a build of " + std::to_string(content.claimed));
     if (update) {
-        // As compact as what is updated, as it is also where that was deserialized.
+        // As compact as the source of the update, also after deserialization.
         const Content source = contentOf(info.srcAccelerationStructure);
         content = source.bytes > 0 ? source : Content{bytes, bytes};
         below.srcAccelerationStructure = ofExactSize(handle, info.srcAccelerationStructure, content.bytes);
@@ -262,14 +262,14 @@ VKAPI_ATTR void VKAPI_CALL cmdCopy(VkCommandBuffer handle, const VkCopyAccelerat
 {
     VkCopyAccelerationStructureInfoKHR below = *info;
     Content content = contentOf(info->src);
-    // How much a compacted copy needs only the device knows, so a layer cannot know it when it is recorded.
+    // Only the device knows the size of a compacted copy, so a layer cannot know it during recording.
     const bool compacts = info->mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
     if (compacts)
         content.claimed = content.bytes;
-    const VkDeviceSize room = handleOf(info->dst).size;
-    if (!compacts && room < content.claimed)
-        tell("VUID-VkCopyAccelerationStructureInfoKHR-mode-12418: a handle of " + std::to_string(room) + " bytes for " +
-             std::to_string(content.claimed));
+    const VkDeviceSize capacity = handleOf(info->dst).size;
+    if (!compacts && capacity < content.claimed)
+        report("VUID-VkCopyAccelerationStructureInfoKHR-mode-12418: a handle of " + std::to_string(capacity) +
+               " bytes for " + std::to_string(content.claimed));
     below.src = ofExactSize(handle, info->src, content.bytes);
     below.dst = ofExactSize(handle, info->dst, content.bytes);
     if (content.bytes > 0)

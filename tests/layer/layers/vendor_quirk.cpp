@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The quirk "vendors": extensions for ray tracing that lavapipe lacks, and one that nobody has yet. The driver only
+// The quirk "vendors": extensions for ray tracing that lavapipe lacks, and one that does not exist yet. The driver only
 // lists them and their features, which may be enabled.
 #include "layers/driver.h"
 

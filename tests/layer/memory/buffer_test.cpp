@@ -29,7 +29,8 @@ VkBufferCreateInfo bufferInfo(VkBufferUsageFlags usage, const void *next = nullp
 class Buffers : public GpuTest
 {
 protected:
-    // Without the validation layer, which is older than some of the structures, and knows no protected lavapipe.
+    // Without the validation layer, which is older than some of the structures and does not support protected memory on
+    // lavapipe.
     explicit Buffers(const Options &options = {.validation = false}) : GpuTest(options) {}
 
     void create(const VkBufferCreateInfo &info)
@@ -50,7 +51,7 @@ protected:
     }
 };
 
-TEST_F(Buffers, ThatAreProtectedGetNoUsageMore)
+TEST_F(Buffers, ProtectedBuffersGetNoMoreUsage)
 {
     for (const VkBufferUsageFlags usage : {kScratchUsage, VkBufferUsageFlags{VK_BUFFER_USAGE_STORAGE_BUFFER_BIT},
                                            kScratchUsage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT}) {
@@ -60,7 +61,7 @@ TEST_F(Buffers, ThatAreProtectedGetNoUsageMore)
     }
 }
 
-TEST_F(Buffers, OfTileMemoryGetNoUsageMore)
+TEST_F(Buffers, TileMemoryGetsNoMoreUsage)
 {
     constexpr VkBufferUsageFlags kTileMemory = 0x08000000; // VK_BUFFER_USAGE_TILE_MEMORY_BIT_QCOM
     create(bufferInfo(kScratchUsage | kTileMemory));
@@ -92,8 +93,8 @@ TEST_F(Buffers, AllocationFlagsBehindAnUnknownStructureAreReported)
     }
 }
 
-// Their usage, too, may be in the chain.
-TEST_F(Buffers, OfExternalMemory)
+// The usage may be in the chain as well.
+TEST_F(Buffers, ExternalMemory)
 {
     const auto usage2 = vkInit<VkBufferUsageFlags2CreateInfoKHR>({.usage = kMicromapUsage});
     auto info = vkInit<VkPhysicalDeviceExternalBufferInfo>(
@@ -112,7 +113,7 @@ protected:
     BindingsExt() : Buffers({.validation = false, .quirks = "failures", .api = Api::Ext}) {}
 };
 
-TEST_F(BindingsExt, ThatFailInPart)
+TEST_F(BindingsExt, PartialFailures)
 {
     MicromapInput input;
     input.add(4, kFourState, std::vector<uint8_t>(256, 1));

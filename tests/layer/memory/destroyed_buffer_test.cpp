@@ -163,7 +163,7 @@ TEST_F(DestroyedBuffersByAddress, WithAllocationCallbacks)
         bool gone = false;
         long blocks = 0;
     } memory;
-    // With the size before each block, for reallocation.
+    // Stores the size before each block, for reallocation.
     VkAllocationCallbacks callbacks{};
     callbacks.pUserData = &memory;
     callbacks.pfnAllocation = [](void *user, size_t bytes, size_t alignment, VkSystemAllocationScope) -> void * {

@@ -140,7 +140,7 @@ TEST_F(Lossy, EveryLevel)
     expectModel(input);
 }
 
-// All that a triangle's level can become.
+// All levels that a triangle may have afterwards.
 TEST_F(Lossy, EveryLevelToEveryLower)
 {
     Random random(29);
@@ -156,7 +156,7 @@ TEST_F(Lossy, EveryLevelToEveryLower)
             input.add(level, kFourState, states);
         }
     }
-    // And level 12 to 2, by the most levels that there are.
+    // Level 12 is reduced to 2, across the largest number of levels.
     std::vector<uint8_t> largest(size_t{1} << 24);
     for (size_t i = 0; i < largest.size(); ++i)
         largest[i] = (i >> 20) % 3 == 0;
@@ -258,7 +258,7 @@ TEST_F(Lossy, CompactionSaves)
     lossless.build();
     Micromap lossy(gpu(), input, kAllow | kLossy);
     lossy.build();
-    EXPECT_EQ(lossy.size(), lossless.size()); // as large as the usage counts say
+    EXPECT_EQ(lossy.size(), lossless.size()); // as large as the usage counts require
     const VkDeviceSize bytes = compactedSize(lossy);
     EXPECT_LT(2 * bytes, compactedSize(lossless));
     const Micromap compacted(gpu(), lossy, bytes);
@@ -271,7 +271,7 @@ TEST_F(Lossy, CompactionSaves)
 }
 
 // A shader that takes unknown hits for what the application's data says sees the same picture.
-TEST_F(Lossy, RaysSeeTheStateOrAskForIt)
+TEST_F(Lossy, RaysSeeTheStateOrACandidate)
 {
     Random random(43);
     MicromapInput input;
@@ -303,7 +303,7 @@ TEST_F(Lossy, RaysSeeTheStateOrAskForIt)
     }
     const std::vector<Result> results = Tracer(gpu()).trace(tlas, rays);
     const vellum::Micromap model = modelOf(input);
-    std::vector<size_t> asked(states.size());
+    std::vector<size_t> candidates(states.size());
     std::vector<size_t> needed(states.size());
     std::vector<size_t> tried(states.size());
     for (size_t r = 0; r < rays.size(); ++r) {
@@ -321,7 +321,7 @@ TEST_F(Lossy, RaysSeeTheStateOrAskForIt)
         }
         ++tried[t];
         needed[t] += state >= 2 ? 1u : 0u;
-        asked[t] += seen.candidateCount;
+        candidates[t] += seen.candidateCount;
         ASSERT_TRUE(seen.candidateCount == 1 || (state < 2 && seen.candidateCount == 0))
             << "triangle " << t << ", " << i;
         if (seen.candidateCount == 0) {
@@ -329,12 +329,12 @@ TEST_F(Lossy, RaysSeeTheStateOrAskForIt)
         }
     }
     for (size_t t = 0; t < states.size(); ++t)
-        EXPECT_LE(static_cast<double>(asked[t] - needed[t]), static_cast<double>(tried[t]) / 16 * 1.1)
+        EXPECT_LE(static_cast<double>(candidates[t] - needed[t]), static_cast<double>(tried[t]) / 16 * 1.1)
             << "triangle " << t;
-    EXPECT_GT(asked.back(), needed.back());
+    EXPECT_GT(candidates.back(), needed.back());
 }
 
-// Without levels above 2 there is nothing to gain.
+// Micromaps without levels above 2 cannot become smaller.
 TEST_F(Lossy, SmallTrianglesTakeNoMoreMemory)
 {
     MicromapInput input;
@@ -347,7 +347,7 @@ TEST_F(Lossy, SmallTrianglesTakeNoMoreMemory)
     EXPECT_EQ(inUse(lossy).size(), inUse(lossless).size());
 }
 
-// Told of as in a build without loss, and every other triangle is what it would be without the wrong ones.
+// Reported as in a lossless build; every other triangle has the state that it would have without the wrong ones.
 TEST_F(LossyValidated, WrongInput)
 {
     Random random(47);

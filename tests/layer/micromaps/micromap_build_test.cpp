@@ -172,7 +172,7 @@ TEST_F(MicromapBuild, DataWithGaps)
         SCOPED_TRACE(testing::Message() << count << " triangles");
         Micromap micromap(gpu(), input, 0);
         expectModel(micromap, 0);
-        // One more than declared finds no memory.
+        // One triangle more than declared gets no memory.
         input.declared = input.usage();
         input.triangles[0].subdivisionLevel = 9;
         input.triangles[1].subdivisionLevel = 9;
@@ -243,7 +243,8 @@ TEST_F(MicromapBuild, DataThatStays)
     }
 }
 
-// So many that an invocation goes through several, at once and one after the other, however many a device runs.
+// So many triangles that each invocation processes several, in parallel and in sequence, whatever the device's subgroup
+// size.
 TEST_F(MicromapBuild, ManyTrianglesThatStay)
 {
     Random random(31);
@@ -305,8 +306,8 @@ TEST_F(MicromapBuild, WrongInput)
     }
 }
 
-// Large triangles of which the usage counts declare only one, where data is shared: which of them the list of parts has
-// space for would depend on the run, so none of them is used; the others are what they are.
+// Several large triangles that share data, where the usage counts declare only one. Which of them fit in the list of
+// parts would vary between runs, so none of them is used; the others are unaffected.
 TEST_F(MicromapBuild, MoreLargeTrianglesThanDeclared)
 {
     Random random(11);

@@ -18,7 +18,7 @@ const vt::Labels kLabels{{"MicromapCopy.*", "stacked forced"},
                          {"MicromapCopy.RejectsWrongCopies", "lenient strict"},
                          {"MicromapCopy.SerializedHeader", "inside"},
                          {"MicromapCopy.TooSmallATarget", "inside"},
-                         {"MicromapCopy.WhatIsNoMicromapBecomesUnknown", "inside"},
+                         {"MicromapCopy.InvalidDataBecomesUnknown", "inside"},
                          {"MicromapCopyValidated.*", "inside"}};
 
 using namespace vt;
@@ -70,7 +70,7 @@ protected:
     }
     Guarded serialize(const Micromap &from)
     {
-        // As little usage as an application needs to give.
+        // The fewest usage flags that an application must specify.
         Guarded out(gpu(), serializedSize(from), 256, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
         gpu().submit(
             [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, from.handle(), out.address()); });
@@ -116,7 +116,7 @@ protected:
             seen.push_back(r.candidateCount > 0 ? 2 : r.committed == kTriangle ? 1 : 0);
         return seen;
     }
-    // The same, as the input says.
+    // The expected result according to the input.
     static std::vector<uint8_t> expected(const MicromapInput &input)
     {
         std::vector<uint8_t> out;
@@ -148,7 +148,7 @@ protected:
         }
         EXPECT_TRUE(found) << part;
     }
-    // What the rule is called in VK_EXT_opacity_micromap and in VK_KHR_opacity_micromap.
+    // The rule's id in VK_EXT_opacity_micromap or in VK_KHR_opacity_micromap.
     const char *id(const char *ext, const char *khr) { return gpu().khr() ? khr : ext; }
     static std::vector<uint8_t> bytesOf(const Guarded &guarded)
     {
@@ -263,7 +263,7 @@ TEST_F(MicromapCopy, SerializedMicromapsCanBeReloaded)
     }
 }
 
-TEST_F(MicromapCopy, WhatIsNoMicromapBecomesUnknown)
+TEST_F(MicromapCopy, InvalidDataBecomesUnknown)
 {
     Micromap source(gpu(), repetitive());
     source.build();
@@ -335,7 +335,7 @@ TEST_F(MicromapCopy, RejectsWrongCopies)
     Micromap source(gpu(), repetitive(), kAllow);
     source.build();
     const Micromap target(gpu(), source, source.size());
-    // What does no harm is done, unless the layer is strict.
+    // A tolerated fault is executed, unless the layer is strict.
     const auto expectDone = [&] {
         EXPECT_EQ(traced(target) == expected(source.input()), !strictTests());
         target.forget();

@@ -125,8 +125,8 @@ TEST_F(MicromapHost, BuildsAreThoseOfTheDevice)
     }
 }
 
-// Large triangles that use the same data, of which the usage counts declare only one: the parts of the others have no
-// room in scratch memory, and what nobody has looked at must not be taken for transparent.
+// Large triangles that use the same data, of which the usage counts declare only one: scratch memory has no capacity
+// for the parts of the others. A triangle that was not examined must not count as transparent.
 TEST_F(MicromapHost, MoreLargeTrianglesThanDeclared)
 {
     MicromapInput input;
@@ -190,7 +190,7 @@ TEST_F(MicromapHost, SerializedByOneReadByTheOther)
         info.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
         gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdCopyMemoryToMicromapEXT(commands, &info); });
         EXPECT_EQ(used(onDevice), used(source));
-        // What is no micromap is not believed.
+        // Invalid data is rejected.
         std::vector<uint8_t> bad = bytes;
         bad[20] ^= 1;
         hostDeserialize(bad, target);
@@ -365,7 +365,7 @@ protected:
 };
 
 // A mapping that only the driver can make (VK_EXT_map_memory_placed defines its structure; here it requests nothing) is
-// one all the same: the layer must not map the memory a second time, and must unmap it when the application does.
+// one nevertheless: the layer must not map the memory a second time, and must unmap it when the application does.
 TEST_F(MicromapHostNewer, MappedByTheDriver)
 {
     struct MapInfo { // VkMemoryMapInfo, which the oldest supported headers do not know

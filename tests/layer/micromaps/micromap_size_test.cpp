@@ -163,7 +163,7 @@ TEST_P(MicromapSize, MemoryOfALargerMicromap)
 {
     MicromapInput input = transparent();
     Random random(5);
-    // Not folded, so that there is data.
+    // Differing states, so that the triangle cannot be folded and has data.
     input.add(4, kFourState, randomStates(random, 4, kFourState));
     Micromap large(gpu(), input);
     large.build();
@@ -174,13 +174,14 @@ TEST_P(MicromapSize, MemoryOfALargerMicromap)
         alias(small, large);
         EXPECT_EQ(candidates(small), kUnknown);
     }
-    // Of all bytes that are in use, it is a copy.
+    // With the size of all bytes in use, it is a copy.
     const Micromap same(gpu(), large, large.size());
     alias(same, large);
     EXPECT_EQ(candidates(same), std::vector<uint32_t>(4, 0));
 }
 
-// What only the GPU finds out about a copy, the next command buffer reports, once, without the setting `validate`.
+// Findings about a copy that only the GPU makes are reported by the next command buffer, once, without the setting
+// `validate`.
 TEST_P(MicromapSize, CopiesThatCannotBeCarriedOut)
 {
     MicromapInput input = transparent();
@@ -210,8 +211,8 @@ TEST_P(MicromapSize, CopiesThatCannotBeCarriedOut)
     expectNoMessages();
     restore(memory.address(), small);
     expectGpuError("VELLUM-micromap-copy-size");
-    const Buffer room(gpu(), 256, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    save(source, room.address());
+    const Buffer buffer(gpu(), 256, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    save(source, buffer.address());
     expectGpuError("VELLUM-micromap-copy-size");
 }
 

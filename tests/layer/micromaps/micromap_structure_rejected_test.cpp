@@ -20,14 +20,14 @@ protected:
     MicromapStructureRejected() : micromap_(gpu(), eightStates(), kAllow) { micromap_.build(); }
     void TearDown() override
     {
-        // Nothing was harmed.
+        // The memory is unchanged.
         expectNoMessages();
         EXPECT_EQ(tracedMicromap(micromap_), kForwards);
         MicromapStructure::TearDown();
     }
     // A build, changed, into a target that must stay as it is. `sizes`: they are rejected by the same rule, too.
-    void expectBuildRefused(const std::string &rule, const std::function<void(StructureBuild &)> &change,
-                            bool sizes = false)
+    void expectBuildRejected(const std::string &rule, const std::function<void(StructureBuild &)> &change,
+                             bool sizes = false)
     {
         SCOPED_TRACE(rule);
         const Micromap target(gpu(), micromap_, micromap_.size());
@@ -43,7 +43,7 @@ protected:
         EXPECT_EQ(std::vector<uint8_t>(target.memory(), target.memory() + target.size()), before);
     }
 
-    // Of a structure that a strict layer does not make.
+    // A structure that a strict layer does not create.
     void expectUsable(VkAccelerationStructureKHR handle)
     {
         EXPECT_EQ(handle == VK_NULL_HANDLE, strictTests());
@@ -54,12 +54,12 @@ protected:
         expectNoMessages();
         gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), handle, nullptr);
     }
-    // Of vkCreateAccelerationStructure2KHR, which a strict layer rejects.
+    // A tolerated vkCreateAccelerationStructure2KHR, which a strict layer rejects.
     void expectCreationDone(VkAccelerationStructureTypeKHR type, const VkDeviceAddressRangeKHR &range,
                             const std::string &rule)
     {
         if (strictTests())
-            return expectCreationRefused(type, range, rule);
+            return expectCreationRejected(type, range, rule);
         auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
             {.addressRange = range, .addressFlags = kUnknownUsage, .type = type});
         VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
@@ -76,7 +76,7 @@ protected:
                          bool sizes = false, const std::vector<int> &expected = kForwards)
     {
         if (strictTests())
-            return expectBuildRefused(rule, change, sizes);
+            return expectBuildRejected(rule, change, sizes);
         SCOPED_TRACE(rule);
         const Micromap target(gpu(), micromap_, micromap_.size() + 4096);
         StructureBuild odd(micromap_.buildInfo(), target.handle().khr);
@@ -87,7 +87,7 @@ protected:
             expectRejected(rule);
         }
         build(odd.info);
-        expectRejected(rule); // that is, reported
+        expectRejected(rule); // reported
         std::vector<int> seen = tracedMicromap(target);
         seen.resize(expected.size());
         EXPECT_EQ(seen, expected);
@@ -102,7 +102,7 @@ TEST_F(MicromapStructureRejected, GeometriesAndUsageCounts)
     const std::string info = "VUID-VkAccelerationStructureBuildGeometryInfoKHR-";
     const std::string data = "VUID-VkAccelerationStructureGeometryMicromapDataKHR-";
     const auto rejected = [this](const std::string &rule, const std::function<void(StructureBuild &)> &change) {
-        expectBuildRefused(rule, change, true);
+        expectBuildRejected(rule, change, true);
     };
     const auto done = [this](const std::string &rule, const std::function<void(StructureBuild &)> &change) {
         expectBuildDone(rule, change, true);
@@ -134,7 +134,7 @@ TEST_F(MicromapStructureRejected, GeometriesAndUsageCounts)
         b.usages[0] = {1, 13, VK_OPACITY_MICROMAP_FORMAT_2_STATE_KHR};
     });
     const VkBuildAccelerationStructureFlagsKHR lossy = VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
-    // No triangles of a level that there is not.
+    // A count of no triangles, at a level that does not exist.
     done(info + "subdivisionLevel-11564", [](StructureBuild &b) {
         b.usages.push_back({0, 1u << 31, VK_OPACITY_MICROMAP_FORMAT_4_STATE_KHR});
         b.data.pUsageCounts = b.usages.data();
@@ -144,7 +144,7 @@ TEST_F(MicromapStructureRejected, GeometriesAndUsageCounts)
         b.info.flags |= lossy;
         b.usages[0].subdivisionLevel = 13;
     });
-    // More than the limit says; but not more than can be built.
+    // More than the limit, but not more than can be built.
     const Micromap target(gpu(), micromap_, micromap_.size());
     StructureBuild large(micromap_.buildInfo(), target.handle().khr);
     large.usages[0].count = (1u << 27) + 1;
@@ -182,7 +182,7 @@ TEST_F(MicromapStructureRejected, BuildsAndTheirMemory)
 {
     const std::string command = "VUID-vkCmdBuildAccelerationStructuresKHR-";
     const auto rejected = [&](const std::string &rule, const std::function<void(StructureBuild &)> &change) {
-        expectBuildRefused(rule, change);
+        expectBuildRejected(rule, change);
     };
     const auto done = [&](const std::string &rule, const std::function<void(StructureBuild &)> &change,
                           const std::vector<int> &expected = kForwards) {
@@ -207,12 +207,12 @@ TEST_F(MicromapStructureRejected, BuildsAndTheirMemory)
     rejected(command + "pInfos-03710", [](StructureBuild &b) { b.info.scratchData.deviceAddress += 2; });
     const Buffer little(gpu(), 16, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     rejected(command + "pInfos-12258", [&](StructureBuild &b) { b.info.scratchData.deviceAddress = little.address(); });
-    // Between two triangles lies what is none.
+    // The stride is too small: every other record is invalid.
     done("VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11646",
          [](StructureBuild &b) { b.data.triangleArrayStride = 4; }, {0, 2, 1, 2, 2, 2, 2, 2});
 }
 
-// A build that is rejected, beside ones that are done.
+// One rejected build among valid ones.
 TEST_F(MicromapStructureRejected, OneOfSeveral)
 {
     Micromap good(gpu(), eightStates(true));
@@ -249,7 +249,7 @@ TEST_F(MicromapStructureRejected, GeometriesThatNameThem)
         EXPECT_EQ(tracedBottom(blas.address()), kForwards);
     }
     EXPECT_EQ(tracedMicromap(fresh), kForwards);
-    // No micromap.
+    // A geometry with a null micromap.
     const Blas other(gpu(), {mapped(nullptr)});
     tracedMicromap(other.handle());
     expectRejected("VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter");
@@ -340,9 +340,9 @@ TEST_F(MicromapStructureRejected, Creation)
     constexpr std::array kTypes{kMicromapType, kGeneric, kBottom, kTop};
     const auto create = [&](VkDeviceAddress address, VkDeviceSize size, const char *rule) {
         for (const VkAccelerationStructureTypeKHR type : kTypes)
-            expectCreationRefused(type, {address, size}, rule);
+            expectCreationRejected(type, {address, size}, rule);
     };
-    // What lies in the buffer may be enough, and no driver looks at its usage.
+    // The part in the buffer may be enough, and drivers ignore the buffer's usage.
     constexpr const char *kInBuffer = "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603";
     for (const VkAccelerationStructureTypeKHR type : kTypes) {
         expectCreationDone(type, {memory.address(), 4097}, kInBuffer);
@@ -350,8 +350,8 @@ TEST_F(MicromapStructureRejected, Creation)
     }
     constexpr const char *kAligned = "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605";
     for (const VkAccelerationStructureTypeKHR type : {kGeneric, kBottom, kTop})
-        expectCreationRefused(type, {memory.address() + 128, 256}, kAligned);
-    expectCreationRefused(kMicromapType, {memory.address() + 8, 256}, kAligned);
+        expectCreationRejected(type, {memory.address() + 128, 256}, kAligned);
+    expectCreationRejected(kMicromapType, {memory.address() + 8, 256}, kAligned);
     expectCreationDone(kMicromapType, {memory.address() + 16, 1024}, kAligned);
     create(256, 256, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602");
     create(memory.address(), 0, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608");
@@ -413,7 +413,7 @@ TEST_F(MicromapStructureRejected, QueryPoolsOfOtherTypes)
     }
 }
 
-// What only a micromap's build may leave out: VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543.
+// Only builds of micromaps may omit the ranges: VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543.
 TEST_F(MicromapStructureRejected, NoRangesOfABottomLevelStructure)
 {
     if (validationOfTests() == Validation::Above)
@@ -424,7 +424,7 @@ TEST_F(MicromapStructureRejected, NoRangesOfABottomLevelStructure)
     expectRejected("VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543");
 }
 
-// As the structure that is updated; a build ignores it.
+// The structure as source of an update; a build ignores it.
 TEST_F(MicromapStructureRejected, SourceOfAnUpdate)
 {
     Blas blas(gpu());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Only in VK_KHR_opacity_micromap: micromaps as acceleration structures, together with the driver's structures in
-// builds, copies, queries and memory.
+// Features of VK_KHR_opacity_micromap only: micromaps as acceleration structures, together with the driver's structures
+// in builds, copies, queries and memory.
 #include "harness/mock_driver.h"
 #include "harness/program/labels.h"
 #include "micromaps/micromap_structures.h"
@@ -19,8 +19,8 @@ const vt::Labels kLabels{{"MicromapStructure.*", "one_api stacked forced"},
 
 using namespace vt;
 
-// In one command micromaps beside a bottom-level and a top-level structure, none of which needs another of them.
-TEST_F(MicromapStructure, BuiltBesideOtherStructures)
+// One command builds micromaps, a bottom-level and a top-level structure, which are independent of each other.
+TEST_F(MicromapStructure, BuiltTogetherWithOtherStructures)
 {
     Micromap before(gpu(), eightStates());
     before.build();
@@ -126,7 +126,7 @@ TEST_F(MicromapStructure, EveryTypeOnAddressRanges)
     }
 }
 
-TEST_F(MicromapStructure, GenericBecomesWhatIsBuilt)
+TEST_F(MicromapStructure, GenericTakesTheBuiltType)
 {
     const Micromap input(gpu(), eightStates());
     Micromap other(gpu(), eightStates(true));
@@ -143,7 +143,7 @@ TEST_F(MicromapStructure, GenericBecomesWhatIsBuilt)
         info.dstAccelerationStructure = generic.handle();
         build(info, blas.ranges());
         EXPECT_EQ(tracedBottom(generic.address()), kBackwards);
-        // No micromap any more: all is unknown.
+        // The structure no longer contains a micromap: every state is unknown.
         gpu().breaks("VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11624");
         EXPECT_EQ(tracedMicromap(generic.handle()), kPlain);
         const auto serialized = query(generic.handle(), VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR);
@@ -166,7 +166,7 @@ TEST_F(MicromapStructure, CopiesOfGenericStructures)
     const Placed compact(gpu(), kGeneric, compacted);
     copy(clone.handle(), compact.handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
     EXPECT_EQ(tracedMicromap(compact.handle()), kForwards);
-    // To one that was made as a micromap, and back.
+    // Copied to a structure created as a micromap, and back.
     const Placed named(gpu(), kMicromapType, compacted);
     copy(compact.handle(), named.handle());
     EXPECT_EQ(tracedMicromap(named.handle()), kForwards);
@@ -183,7 +183,7 @@ TEST_F(MicromapStructure, CopiesOfGenericStructures)
         EXPECT_EQ(numbers[0], data.size()) << "\"matching the value queried\"";
         EXPECT_EQ(numbers[2], 0u) << "handles of other structures";
         for (const VkAccelerationStructureTypeKHR type : {kGeneric, kMicromapType}) {
-            // Of the deserialized size, which is all that is known of the data.
+            // With the deserialized size, the only size that is known of the data.
             const Placed loaded(gpu(), type, numbers[1]);
             gpu().submit([&](VkCommandBuffer commands) {
                 recordMemoryToMicromap(gpu(), commands, data.address(), loaded.micromap());
@@ -229,7 +229,7 @@ TEST_F(MicromapStructureMaintenance, QueriesOfEveryKind)
             EXPECT_EQ(values[0], 64 + kCompacted);
             EXPECT_EQ(values[3], 64u + 64 + 2 * 16 + 64);
         } else {
-            // What a clone needs; the handles may be larger.
+            // The size that a clone needs; the handles may be larger.
             EXPECT_EQ(values[0], reportedSize(gpu(), kCompacted));
             EXPECT_EQ(values[3], reportedSize(gpu(), 64 + 2 * 16 + 64));
         }
@@ -245,7 +245,7 @@ TEST_F(MicromapStructureMaintenance, QueriesOfEveryKind)
         gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 1, &micromap, pointers, pool, 0);
     });
     expectRejected("VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425");
-    // It has none.
+    // It has no micromap.
     uint64_t value = 7;
     EXPECT_EQ(vkGetQueryPoolResults(gpu().device(), pool, 0, 1, 8, &value, 8, VK_QUERY_RESULT_64_BIT),
               strictTests() ? VK_NOT_READY : VK_SUCCESS);
@@ -367,7 +367,7 @@ TEST_F(MicromapStructureDisabled, ReportsMicromaps)
     const Buffer memory(gpu(), 4096, kStorage);
     const MicromapInput input = eightStates();
     if (!strictTests()) {
-        // It works all the same.
+        // It works nevertheless.
         Micromap micromap(gpu(), input);
         micromap.build();
         const std::vector<Message> messages = gpu().takeUnexpectedMessages();
@@ -378,8 +378,8 @@ TEST_F(MicromapStructureDisabled, ReportsMicromaps)
         EXPECT_EQ(tracedMicromap(micromap), kForwards);
         return;
     }
-    expectCreationRefused(kMicromapType, {memory.address(), 1024},
-                          "VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609");
+    expectCreationRejected(kMicromapType, {memory.address(), 1024},
+                           "VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609");
     const std::vector<VkMicromapUsageEXT> usage = input.usage();
     VkMicromapBuildInfoEXT info{};
     info.usageCountsCount = static_cast<uint32_t>(usage.size());
@@ -389,7 +389,7 @@ TEST_F(MicromapStructureDisabled, ReportsMicromaps)
     const Placed generic(gpu(), kGeneric, memory.address(), 4096);
     build(StructureBuild(info, generic.handle()).info);
     expectRejected(kSizes);
-    // All else works.
+    // Everything else works.
     const Blas blas(gpu(), {mapped(nullptr)});
     EXPECT_EQ(tracedBottom(blas.address()), kPlain);
 }
@@ -466,14 +466,14 @@ TEST_F(MicromapStructureBoth, SerializedStructuresOfBothExtensions)
         SCOPED_TRACE(i);
         const auto back = deserialized(gpu(), serialized[i], kBottom);
         EXPECT_EQ(rows(*back), expected[i]);
-        // And once more from there.
+        // Serialized again.
         const Serialized again = serialize(gpu(), *back);
         EXPECT_EQ(again.total(), serialized[i].total());
         EXPECT_EQ(rows(*deserialized(gpu(), again, kBottom)), expected[i]);
     }
 }
 
-// Two devices, each with one of the extensions, at the same time.
+// Two devices at the same time, each with one of the extensions.
 TEST(MicromapStructureDevices, OneWithEachExtension)
 {
     for (const Api api : {Api::Ext, Api::Khr}) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the tests of VK_KHR_opacity_micromap alone have: micromaps as acceleration structures, made, built, queried and
+// Shared by the tests of VK_KHR_opacity_micromap: micromaps as acceleration structures, created, built, queried and
 // traced.
 #pragma once
 
@@ -69,7 +69,8 @@ private:
     VkAccelerationStructureKHR handle_ = VK_NULL_HANDLE;
 };
 
-// One triangle of each state, then of each state backwards, at a level above what a record itself holds.
+// One triangle of each state, then of each state in reverse order, at a level above that which a record itself can
+// hold.
 inline MicromapInput eightStates(bool backwards = false)
 {
     MicromapInput input;
@@ -101,7 +102,7 @@ class MicromapStructure : public GpuTest
 protected:
     explicit MicromapStructure(const Options &options = {.api = Api::Khr}) : GpuTest(options) {}
 
-    // What rays at eight triangles meet: 0 nothing, 1 a hit, 2 a question to the shader.
+    // The result of a ray at each of eight triangles: 0 nothing, 1 a hit, 2 a candidate.
     std::vector<int> traced(const Structure &scene)
     {
         std::vector<Ray> rays(8);
@@ -127,12 +128,12 @@ protected:
             geometry.micromap = Attachment{micromap};
         return geometry;
     }
-    // What a micromap makes of eight triangles.
+    // The results of eight triangles with this micromap.
     std::vector<int> tracedMicromap(const Micromap &micromap)
     {
         return tracedBottom(Blas(gpu(), {mapped(&micromap)}).address());
     }
-    // The same of a structure that is not of class Micromap.
+    // As above, for a structure without an object of class Micromap.
     std::vector<int> tracedMicromap(VkAccelerationStructureKHR micromap)
     {
         const Micromap any(gpu(), eightStates());
@@ -177,7 +178,7 @@ protected:
     {
         return queryAll({structure}, type)[0];
     }
-    // By the host, and it must be what a copy on the device says.
+    // Queries on the host, and checks that a copy on the device gives the same values.
     std::vector<uint64_t> queryAll(const std::vector<VkAccelerationStructureKHR> &structures, VkQueryType type)
     {
         const auto count = static_cast<uint32_t>(structures.size());
@@ -197,9 +198,9 @@ protected:
             EXPECT_EQ(out.as<uint64_t>()[i], values[i]) << i;
         return values;
     }
-    // Of vkCreateAccelerationStructure2KHR.
-    void expectCreationRefused(VkAccelerationStructureTypeKHR type, const VkDeviceAddressRangeKHR &range,
-                               const std::string &rule)
+    // A vkCreateAccelerationStructure2KHR that the layer rejects.
+    void expectCreationRejected(VkAccelerationStructureTypeKHR type, const VkDeviceAddressRangeKHR &range,
+                                const std::string &rule)
     {
         auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
             {.addressRange = range, .addressFlags = kUnknownUsage, .type = type});

@@ -19,7 +19,7 @@ using namespace vt;
 constexpr uint8_t kGuard = 0xa5;
 constexpr VkDeviceSize kArenaBytes = 65536;
 
-// One buffer that everything lies in. Handles begin at an offset and reach to its end.
+// All objects are in one buffer. Handles begin at an offset and reach to its end.
 class Packing : public GpuTest
 {
 protected:
@@ -76,7 +76,7 @@ protected:
     std::vector<MicromapHandle> handles_;
 };
 
-TEST_F(Packing, CopiesMoveWhatIsInUse)
+TEST_F(Packing, CopiesMoveBytesInUse)
 {
     ASSERT_GT(used_, 512u);
     ASSERT_LT(used_, 4096u);
@@ -92,7 +92,7 @@ TEST_F(Packing, CopiesMoveWhatIsInUse)
     EXPECT_TRUE(untouched(8192 + used_, kArenaBytes));
 }
 
-TEST_F(Packing, SizesAreOfWhatIsInUse)
+TEST_F(Packing, SizesCountBytesInUse)
 {
     const MicromapHandle handle = place(0);
     copy(source_.handle(), handle);
@@ -109,14 +109,14 @@ TEST_F(Packing, SizesAreOfWhatIsInUse)
     }
 }
 
-TEST_F(Packing, WhatIsInUseMayNotOverlap)
+TEST_F(Packing, BytesInUseMustNotOverlap)
 {
     const MicromapHandle first = place(256);
     copy(source_.handle(), first);
     // The last one is also too small, and part of the source.
     for (const MicromapHandle &target : {place(0), place(512), place(512, 256)}) {
         copy(first, target);
-        gpu().submit([](VkCommandBuffer) {}); // what shaders found wrong is reported with the next commands
+        gpu().submit([](VkCommandBuffer) {}); // findings of shaders are reported with the next commands
         const auto messages = gpu().takeUnexpectedMessages();
         ASSERT_EQ(messages.size(), 1u);
         EXPECT_EQ(messages[0].id, "VELLUM-micromap-copy-overlap");

@@ -61,7 +61,7 @@ protected:
             }
         }
         EXPECT_EQ(count(reported, "]: triangle "), expected.size());
-        // Nothing is reported again.
+        // No finding is reported twice.
         VT_CHECK(vkDeviceWaitIdle(gpu().device()));
         EXPECT_TRUE(messages().empty());
     }
@@ -116,12 +116,12 @@ TEST_F(Validate, CountsThatDoNotMatch)
         EXPECT_EQ(text.size(), 1u);
         EXPECT_EQ(count(text, "the usage counts state 1 4-state triangles of level 3, the triangle array has 0"), 1u);
         input.declared = {{598, 4, kFourState}, {1, 6, kFourState}, {1, 3, kFourState}};
-        for (size_t i : {10u, 20u, 30u}) // 3 of level 6, where room is for one and a bit
+        for (size_t i : {10u, 20u, 30u}) // 3 of level 6, where the capacity is for less than two
             input.triangles[i] = {0, 6, kFourState};
         Micromap more(gpu(), input, flags);
         more.build();
         EXPECT_EQ(count(messages(), reported), 1u);
-        // The same where the data cannot stay as it lies.
+        // The same data at an address at which it cannot be read in place.
         input.data.insert(input.data.begin(), 8, 0);
         for (VkMicromapTriangleEXT &t : input.triangles)
             t.dataOffset += 8;
@@ -157,7 +157,7 @@ TEST_F(Validate, MoreFindingsThanTheLogHolds)
     const std::vector<std::string> reported = messages();
     EXPECT_EQ(count(reported, "VELLUM-validation-log"), 1u);
     EXPECT_EQ(count(reported, "format 9"), 4096u);
-    // Once the device is idle, the log begins anew.
+    // Once the device is idle, the log is empty again.
     VT_CHECK(vkDeviceWaitIdle(gpu().device()));
     MicromapInput again = good();
     again.triangles[77].format = 9;
@@ -181,7 +181,7 @@ TEST_F(Validate, MessagesNameTheMicromap)
     EXPECT_EQ(reported[0].object, "the leaves");
 }
 
-// Of a BLAS build: which triangles refer to what the micromap does not have.
+// Findings of a BLAS build: triangles whose index exceeds the triangles of the micromap.
 TEST_F(Validate, IndicesPastTheMicromap)
 {
     Micromap micromap(gpu(), good(), 0);
@@ -210,7 +210,7 @@ TEST_F(Validate, IndicesPastTheMicromap)
     EXPECT_EQ(count(numbers, "]: triangle 3: its number" + rest), 1u);
 }
 
-// Of a BLAS build: triangles whose index lies beyond the end of the index buffer.
+// Findings of a BLAS build: triangles whose index lies beyond the end of the index buffer.
 TEST_F(Validate, IndexBufferTooShort)
 {
     Micromap micromap(gpu(), good(), 0);
@@ -221,13 +221,13 @@ TEST_F(Validate, IndexBufferTooShort)
     geometry.micromap = Attachment{&micromap, VK_INDEX_TYPE_UINT16, std::vector<int32_t>(indices, 5)};
     const Blas blas(gpu(), {geometry});
     const std::vector<std::string> reported = messages();
-    // Between the indices and the end of the buffer there may be others that are wrong.
+    // Indices between these and the end of the buffer may be wrong.
     EXPECT_EQ(count(reported, gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11577"
                                           : ": its index is outside the buffer of indexBuffer, like those after it"),
               1u);
 }
 
-// Told of at every place where the host learns that work is done.
+// Findings are reported by each command through which the host learns that work is complete.
 TEST_F(Validate, FencesAndSemaphores)
 {
     MicromapInput input = good();

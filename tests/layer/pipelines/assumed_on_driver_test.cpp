@@ -3,10 +3,10 @@
 // the driver's EXT: shaders and pipelines that do not declare their use of micromaps use them.
 #include <cstdlib>
 
-#include "gpu/pipeline_tracer.h"
-#include "gpu/programs/graphics.h"
 #include "command_buffer/shader_objects.h"
 #include "command_buffer/state_scene.h"
+#include "gpu/pipeline_tracer.h"
+#include "gpu/programs/graphics.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
 #include "shaders/plain_vertex.h"
@@ -48,7 +48,8 @@ protected:
     Gpu &gpu() { return *gpu_; }
     [[nodiscard]] static bool assumed() { return GetParam(); }
 
-    // What the rays of StateScene meet. Without micromaps all is in the hands of the shader, which confirms nothing.
+    // The expected results of the rays of StateScene. Without micromaps, all are candidates, which the shader does not
+    // confirm.
     template <typename AnyResult>
     static void expectStates(const std::vector<AnyResult> &results, bool consumed)
     {

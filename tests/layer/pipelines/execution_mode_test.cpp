@@ -2,10 +2,10 @@
 // A device with VK_KHR_opacity_micromap and without VK_EXT_opacity_micromap: ray queries use micromaps if the shader
 // has the execution mode OpacityMicromapIdKHR with a true operand. Also the promise that an application does not mix
 // special indices, which is part of the same extension.
+#include "command_buffer/state_scene.h"
 #include "gpu/execution_mode.h"
 #include "gpu/pipeline_builder.h"
 #include "gpu/programs/graphics.h"
-#include "command_buffer/state_scene.h"
 #include "harness/harness.h"
 
 #include "harness/program/labels.h"
@@ -24,7 +24,8 @@ const vt::Labels kLabels{{"ExecutionMode.*", "one_api stacked lenient"},
 
 using namespace vt;
 
-// What the rays of StateScene meet. Without micromaps all is in the hands of the shader, which confirms nothing.
+// The expected results of the rays of StateScene. Without micromaps, all are candidates, which the shader does not
+// confirm.
 void expectStates(const std::vector<Result> &results, bool consumed)
 {
     if (consumed) {
@@ -219,7 +220,7 @@ TEST_F(MixedSpecialIndex, StaysInTheLayer)
     expectNoMessages();
 }
 
-TEST_F(MixedSpecialIndex, WithoutTheBitOfRayTracingPipelines)
+TEST_F(MixedSpecialIndex, MissingBitOfRayTracingPipelines)
 {
     expected_ = strictTests() ? VK_ERROR_VALIDATION_FAILED_EXT : VK_SUCCESS;
     makeRayTracing(0);
@@ -232,7 +233,7 @@ protected:
     MixedSpecialIndexWithoutKhr() : MixedSpecialIndex(Api::Ext) {}
 };
 
-TEST_F(MixedSpecialIndexWithoutKhr, IsReported)
+TEST_F(MixedSpecialIndexWithoutKhr, Reported)
 {
     expected_ = strictTests() ? VK_ERROR_VALIDATION_FAILED_EXT : VK_SUCCESS;
     makeCompute();

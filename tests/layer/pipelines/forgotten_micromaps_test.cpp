@@ -3,9 +3,9 @@
 // there is geometry with micromaps, and the setting that uses micromaps anyway.
 #include <cstdlib>
 
+#include "command_buffer/state_scene.h"
 #include "gpu/copies.h"
 #include "gpu/pipeline_tracer.h"
-#include "command_buffer/state_scene.h"
 #include "harness/harness.h"
 
 #include "harness/program/labels.h"
@@ -107,7 +107,7 @@ TEST_P(ForgottenMicromaps, PipelinesOfRayQueries)
 }
 
 // Programs that enable the feature, as all that there are, and never build a micromap.
-TEST_P(ForgottenMicromaps, WithoutMicromapsNothingIsForgotten)
+TEST_P(ForgottenMicromaps, ApplicationsWithoutMicromapsGetNoWarning)
 {
     const Tracer tracer(gpu(), tracer_comp);
     const bool pipelines = gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME);

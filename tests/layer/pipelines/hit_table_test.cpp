@@ -21,7 +21,7 @@ constexpr std::array kCommands{Command::Direct, Command::Indirect, Command::Indi
 // Intersection shaders would need a record.
 constexpr uint32_t kTrianglesOnly = kRaySkipBoxes | kRaySkipClosestHit;
 
-// Of rays that read no hit record of triangles.
+// Ray flags with which no hit record of triangles is read.
 std::vector<uint32_t> recordlessFlags()
 {
     std::vector<uint32_t> flags;
@@ -122,7 +122,7 @@ protected:
     Buffer command_;
 };
 
-// No hit group, no table: a null region, and ones of no bytes, or of too few for a record.
+// Without hit groups, the table is a null region, one of no bytes, or one that is too small for a record.
 TEST_F(HitTables, NoRecords)
 {
     PipelineTracer tracer(gpu(), withoutHitGroups());
@@ -169,7 +169,7 @@ TEST_F(HitTables, NoRecordsForAnyRay)
                {.triangleAnyHit = false, .triangleClosestHit = false, .missFlags = false});
 }
 
-// One record, which record 0 of the scene uses as ever.
+// The only record is record 0 of the scene.
 TEST_F(HitTables, OneRecord)
 {
     for (const bool zero : {false, true}) {
@@ -184,7 +184,7 @@ TEST_F(HitTables, OneRecord)
     }
 }
 
-// One record of a procedural hit group: triangles are beyond it.
+// The only record is of a procedural hit group: those of triangles are beyond it.
 TEST_F(HitTables, OneRecordOfBoxes)
 {
     PipelineTracer tracer(gpu(), {.groups = {{.box = true}}});
@@ -196,7 +196,7 @@ TEST_F(HitTables, OneRecordOfBoxes)
     }
 }
 
-// The same where the procedural hit group is a library's.
+// As above, with a procedural hit group of a library.
 TEST_F(HitTables, OneRecordOfALibrary)
 {
     if (!gpu().has(VK_KHR_PIPELINE_LIBRARY_EXTENSION_NAME))
@@ -220,7 +220,7 @@ TEST_F(HitTables, OneRecordOfALibrary)
         expect(tracer, scene, tracer.table().hit, flags);
 }
 
-// Two records, of which boxes use one.
+// Two records, one of which boxes use.
 TEST_F(HitTables, SomeRecords)
 {
     PipelineTracer tracer(gpu());
@@ -230,13 +230,13 @@ TEST_F(HitTables, SomeRecords)
         for (const uint32_t flags : recordlessFlags())
             expect(tracer, scene, tracer.table().hit, flags);
     }
-    // And records that are there are still used.
+    // Records in the table are still used.
     const PipelineScene scene(gpu());
     for (const uint32_t flags : opacityRayFlags())
         expect(tracer, scene, tracer.table().hit, flags);
 }
 
-// A size that is no multiple of the stride: what is left over holds no handle.
+// A size that is not a multiple of the stride: the remainder holds no handle.
 TEST_F(HitTables, PartOfARecord)
 {
     PipelineTracer tracer(gpu(), {.records = {0, 1, 1}});
@@ -263,7 +263,7 @@ TEST_F(HitTables, OffsetAndStrideOfTheTrace)
 
 // A command buffer that two queues may execute at once: no trace writes what another one reads. The spy looks at that
 // (layers/spy_pipelines.cpp), since lavapipe has one queue.
-TEST_F(HitTables, OfACommandBufferThatMayRunTwice)
+TEST_F(HitTables, SimultaneousUse)
 {
     PipelineTracer tracer(gpu(), {.records = {0, 1, 0}});
     const PipelineScene scene(gpu());
@@ -537,7 +537,7 @@ protected:
     HitTablesOfManyCommandBuffers() : HitTables({.validation = false, .quirks = "discrete", .maintenance = true}) {}
 };
 
-// Each pool's command buffers need 3 GiB, which go back when they are reset, with or without their other resources.
+// Each pool's command buffers need 3 GiB, which a reset releases, with or without their other resources.
 TEST_F(HitTablesOfManyCommandBuffers, GoBack)
 {
     if (!gpu().vk().CmdTraceRaysIndirect2KHR)
@@ -581,7 +581,7 @@ TEST_F(HitTablesOfManyCommandBuffers, GoBack)
         vkDestroyCommandPool(gpu().device(), pool, nullptr);
 }
 
-// What inherits conditional rendering gets no work of the layer's.
+// In command buffers that inherit conditional rendering, the layer injects no work.
 class HitTablesInherited : public HitTables
 {
 protected:
@@ -686,7 +686,7 @@ protected:
     }
 };
 
-// More records than the table has spare ones for at any time.
+// More records than the table ever has in reserve.
 TEST_F(HitTablesOfGeometries, Many)
 {
     expectHits(700, 0, {.sbtOffset = 15, .sbtStride = 15}, false);

@@ -17,7 +17,8 @@
 namespace
 {
 
-const vt::Labels kLabels{{"LibraryStages*.*", "slow"}, {"LibraryStages.*", "forcing"}, {"LibraryStagesWithoutLayer.*", "one_api"}};
+const vt::Labels kLabels{
+    {"LibraryStages*.*", "slow"}, {"LibraryStages.*", "forcing"}, {"LibraryStagesWithoutLayer.*", "one_api"}};
 
 using namespace vt;
 
@@ -220,7 +221,7 @@ protected:
         }
         for (Part &part : plan)
             std::shuffle(part.stages.begin(), part.stages.end(), random);
-        // Each group in a random one of the parts that have all its stages.
+        // Puts each group into a random part that has all its stages.
         const std::vector<std::vector<uint32_t>> stagesOfGroups{
             {kRaygen},
             {kMiss},
@@ -303,7 +304,7 @@ const std::vector<Case> kCases{
       {{kRaygen, kBoxes, kBoxesWithoutAnyHit}, {0, 1, 3}, {1}}}},
 };
 
-// Whether driver and tests agree without the layer.
+// Checks that driver and tests agree without the layer.
 class LibraryStagesWithoutLayer : public LibraryStages
 {
 protected:
@@ -369,8 +370,8 @@ class LibraryStagesOfBinaries : public LibraryStages
 {
 protected:
     LibraryStagesOfBinaries() : LibraryStages({.oldValidation = false, .quirks = "caching", .newer = true}) {}
-    // Where there are binaries, from which a pipeline may be made without code, the layer's any-hit shaders of
-    // libraries declare no payload beside the prefix (payloadTypes()).
+    // Where pipeline binaries exist, from which a pipeline may be created without code, the layer's any-hit shaders of
+    // libraries declare no payload beyond the prefix (payloadTypes()).
     void TearDown() override
     {
         for (const Message &m : gpu().takeUnexpectedMessages()) {
@@ -387,7 +388,7 @@ TEST_F(LibraryStagesOfBinaries, RandomPlans)
     expectRandom(10, 5);
 }
 
-// Without the bit, by the setting assume_micromaps.
+// Without the bit; micromaps are enabled by the setting assume_micromaps.
 class LibraryStagesAssumed : public LibraryStages
 {
 protected:

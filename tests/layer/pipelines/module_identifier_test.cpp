@@ -13,7 +13,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"ModuleIdentifiers.AreThoseOfTheCode", "translated"},
+const vt::Labels kLabels{{"ModuleIdentifiers.DependOnTheCode", "translated"},
                          {"ModuleIdentifiers.NameAQuery", "translated"},
                          {"ModuleIdentifiers.NameShadersThatTraceNoRays", "translated"}};
 
@@ -124,7 +124,7 @@ protected:
     }
 };
 
-TEST_F(ModuleIdentifiers, AreThoseOfTheCode)
+TEST_F(ModuleIdentifiers, DependOnTheCode)
 {
     EXPECT_EQ(ofModule(gpu(), tracer_comp), ofInfo(gpu(), tracer_comp));
     EXPECT_EQ(ofModule(gpu(), empty), ofInfo(gpu(), empty));
@@ -150,7 +150,7 @@ TEST_F(ModuleIdentifiers, NameShadersThatTraceNoRays)
 }
 
 // Code with other tables in it: on another device of the process. Shaders that trace no rays are the same.
-TEST_F(ModuleIdentifiers, OfAnotherDevice)
+TEST_F(ModuleIdentifiers, AnotherDevice)
 {
     Gpu other(cachingDriver());
     const Tracer tracer(gpu());
@@ -161,8 +161,8 @@ TEST_F(ModuleIdentifiers, OfAnotherDevice)
     EXPECT_TRUE(known(gpu(), tracer, ofModule(other, empty)));
 }
 
-// What was compiled without the layer would find wrong custom indices, and see no micromaps.
-TEST_F(ModuleIdentifiers, OfADeviceWithoutTheLayer)
+// Code that was compiled without the layer would find wrong custom indices, and see no micromaps.
+TEST_F(ModuleIdentifiers, DeviceWithoutTheLayer)
 {
     Gpu bare(cachingDriver(false));
     const Tracer tracer(gpu());
@@ -171,7 +171,7 @@ TEST_F(ModuleIdentifiers, OfADeviceWithoutTheLayer)
     EXPECT_FALSE(known(gpu(), tracer, ofModule(bare, tracer_comp)));
 }
 
-// Where the layer cannot replace it, the driver must not take it for one of its own.
+// If the layer cannot replace the identifier, the driver must not find a module of its own by it.
 TEST_F(ModuleIdentifiers, BehindAnUnknownStructure)
 {
     Gpu bare(cachingDriver(false));
@@ -184,8 +184,8 @@ TEST_F(ModuleIdentifiers, BehindAnUnknownStructure)
     }
 }
 
-// Both have the algorithm of the physical device.
-TEST_F(ModuleIdentifiers, OfADeviceWithoutMicromaps)
+// Both use the algorithm of the physical device.
+TEST_F(ModuleIdentifiers, DeviceWithoutMicromaps)
 {
     Options options = cachingDriver();
     options.micromaps = false;
@@ -213,8 +213,9 @@ TEST_F(ModuleIdentifiers, OfADeviceWithoutMicromaps)
     EXPECT_TRUE(known(later, laterTracer, query));
 }
 
-// What the layer cannot rewrite has no module on the device, and its identifier must not name what others compiled.
-TEST_F(ModuleIdentifiers, OfCodeThatCannotBeRewritten)
+// Code that the layer cannot rewrite has no module on the device, and its identifier must not match what others
+// compiled.
+TEST_F(ModuleIdentifiers, CodeThatCannotBeRewritten)
 {
     std::vector<uint32_t> broken = gpu().code(tracer_comp);
     broken.pop_back(); // in the middle of an instruction
@@ -229,7 +230,7 @@ TEST_F(ModuleIdentifiers, OfCodeThatCannotBeRewritten)
     const std::vector<Message> messages = gpu().takeUnexpectedMessages();
     ASSERT_EQ(messages.size(), 1u);
     EXPECT_EQ(messages[0].id, "VELLUM-shader-rewrite");
-    // It is what a device without micromaps has of it, where the driver gets the code as it is.
+    // The identifier is that of a device without micromaps, on which the driver gets the code unchanged.
     Options options = cachingDriver();
     options.micromaps = false;
     const Gpu plain(options);
@@ -275,8 +276,8 @@ TEST_F(KeptIdentifiers, OfAnEarlierDevice)
     vkDestroyPipeline(gpu.device(), traces, nullptr);
 }
 
-// Once the driver knew it, a pipeline's key is that of the pipeline with its code; and what the driver has in its own
-// cache is found in whichever way it has to be looked for.
+// If the driver knew the identifier, the key of a pipeline equals that of the pipeline with its code, and the driver's
+// own cache is found by every lookup.
 TEST_F(KeptIdentifiers, InKeysAndCaches)
 {
     Identifier query;
@@ -324,7 +325,7 @@ TEST_F(KeptIdentifiers, InKeysAndCaches)
 }
 
 // A driver that has no binary for the first way to read the identifier writes that it has written none.
-TEST_F(KeptIdentifiers, FromTheCacheAtOnce)
+TEST_F(KeptIdentifiers, FromTheCacheWithoutACountQuery)
 {
     const auto capture = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = kCaptureData});
     Identifier query;
@@ -376,7 +377,7 @@ protected:
         own.pStages = stages.data();
         return use(own);
     }
-    // Null where the driver is not asked, or does not know.
+    // Null if the driver does not know the identifiers.
     static VkPipeline named(Device &gpu, const PipelineSetup &setup)
     {
         const RayPipeline compiled(gpu, setup);
@@ -400,7 +401,7 @@ TEST_F(PipelineIdentifiers, WithoutTheBit)
         plain.expect(tracer, flags);
 }
 
-// Its shaders depend on the groups that they are in, and cannot be made without their code.
+// Its shaders depend on their groups, and cannot be created without their code.
 TEST_F(PipelineIdentifiers, WithTheBit)
 {
     const PipelineTracer tracer(gpu(), {.make = [](Device &g, const PipelineSetup &from) {

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <array>
 
-#include "gpu/pipeline_builder.h"
 #include "command_buffer/compute_pipeline.h"
 #include "command_buffer/shader_objects.h"
+#include "gpu/pipeline_builder.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
 
@@ -101,7 +101,7 @@ TEST_F(MultipleCreation, Compute)
     });
 }
 
-// What a pipeline that was not made is the base of is not made either.
+// A derivative of a pipeline that fails also fails.
 TEST_F(MultipleCreation, DerivativesOfOneThatFails)
 {
     const Tracer tracer(gpu());

@@ -15,7 +15,7 @@ using namespace vt;
 class PipelineBadInput : public PipelineTest
 {
 protected:
-    // The validation layer is not there: it does not know these rules, and has others to say of what follows.
+    // Without the validation layer: it does not know these rules, and reports other ones for the consequences.
     explicit PipelineBadInput(const Options &options = {.validation = false}) : PipelineTest(options) {}
 
     // Tries to make it; the pipeline goes at once.
@@ -40,7 +40,7 @@ protected:
                                           return MadePipeline{RayPipeline(g, from), {}};
                                       }});
         takeAll();
-        // Still working.
+        // The device still works.
         const PipelineScene scene(gpu(), {.micromaps = allowed() != 0});
         for (const uint32_t flags : {0u, kRayOpaque})
             scene.expect(tracer, flags);
@@ -54,13 +54,13 @@ protected:
     void expectFinding(const char *rule)
     {
         takeAll();
-        bool complained = false;
+        bool isReported = false;
         for (const Message &m : messages_) {
             EXPECT_TRUE(m.fromVellum()) << "from elsewhere: " << m.id << ": " << m.text;
             if (m.fromVellum() && m.severity == expectedSeverity(m))
-                complained = complained || m.id.find(rule) != std::string::npos;
+                isReported = isReported || m.id.find(rule) != std::string::npos;
         }
-        EXPECT_TRUE(complained) << "no message of " << rule;
+        EXPECT_TRUE(isReported) << "no message of " << rule;
         messages_.clear();
     }
 
@@ -81,8 +81,8 @@ TEST_F(PipelineWithoutFeature, TheBit)
     expectFinding("VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597");
 }
 
-// Of the extension without its feature, pipelines use micromaps all the same.
-TEST_F(PipelineWithoutFeature, WorksAllTheSame)
+// If the extension is enabled without its feature, pipelines use micromaps nevertheless.
+TEST_F(PipelineWithoutFeature, UsesMicromaps)
 {
     if (strictTests())
         GTEST_SKIP() << "there is no such pipeline";
@@ -116,7 +116,7 @@ TEST_F(PipelineBadInput, LibraryWithoutTheBit)
         setup.groups.resize(1);
         setup.libraries = {libraries.back().handle()};
     });
-    // It is one without micromaps then.
+    // The pipeline is then without micromaps.
     EXPECT_EQ(made_, !strictTests());
     expectFinding("VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598");
 }
@@ -159,8 +159,8 @@ TEST_F(PipelineBadInput, LibrariesWithAndWithoutTheBitInAPipelineWithoutIt)
     }
 }
 
-// Neither the pipeline nor its library has so many stages.
-TEST_F(PipelineBadInput, StageThatIsNotThere)
+// The stage index exceeds the stages of the pipeline and its libraries.
+TEST_F(PipelineBadInput, MissingStage)
 {
     for (const auto shader :
          {&PipelineGroup::general, &PipelineGroup::closestHit, &PipelineGroup::anyHit, &PipelineGroup::intersection}) {
@@ -212,8 +212,8 @@ TEST_F(PipelineBadInput, OneOfThree)
     }
 }
 
-// What no module has: all that is expected is a message, and that the layer goes on.
-TEST_F(PipelineBadInput, EntryPointThatIsNotThere)
+// No module has this entry point: a message is expected, and the layer must continue.
+TEST_F(PipelineBadInput, MissingEntryPoint)
 {
     for (const size_t stage : {0u, 2u, 3u, 4u}) {
         tryChanged([stage](PipelineSetup &setup) { setup.stages[stage].entry = "nowhere"; });

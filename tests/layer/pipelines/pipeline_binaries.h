@@ -24,7 +24,7 @@ inline std::vector<uint8_t> bytesOf(const VkPipelineBinaryKeyKHR &key)
     return {key.key, key.key + key.keySize};
 }
 
-// What an application keeps.
+// The data that an application stores.
 struct Kept {
     VkPipelineBinaryKeyKHR key = emptyKey();
     std::vector<uint8_t> data;
@@ -110,7 +110,7 @@ public:
         info.pPipelineCreateInfo = &pipeline;
         return create(info);
     }
-    // Without asking before how many there are.
+    // Without querying the count first.
     VkPipelineBinaryKHR fromCacheAtOnce(const void *pipelineInfo)
     {
         const VkPipelineCreateInfoKHR pipeline = pipelineCreateInfo(pipelineInfo);

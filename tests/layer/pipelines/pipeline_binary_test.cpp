@@ -16,8 +16,8 @@ namespace
 
 const vt::Labels kLabels{{"PipelineBinaries.*", "slow"},
                          {"PipelineBinaries.KeysAreThoseOfTheCode", "translated"},
-                         {"PipelineBinaries.OfAPipelineThatCannotBeMade", "translated"},
-                         {"PipelineBinaries.OfAQuery", "translated"}};
+                         {"PipelineBinaries.FailedPipeline", "translated"},
+                         {"PipelineBinaries.QueryPipeline", "translated"}};
 
 using namespace vt;
 Options cachingDriver()
@@ -99,7 +99,7 @@ protected:
     }
 };
 
-TEST_F(PipelineBinaries, OfAQuery)
+TEST_F(PipelineBinaries, QueryPipeline)
 {
     StateScene scene(gpu());
     Tracer tracer(gpu());
@@ -125,8 +125,8 @@ TEST_F(PipelineBinaries, OfAQuery)
     vkDestroyPipeline(gpu().device(), pipeline, nullptr);
 }
 
-// With any-hit shaders of the application's and of the layer's, and a group of the layer's for null records.
-TEST_F(PipelineBinaries, OfARayTracingPipeline)
+// With any-hit shaders of the application and of the layer, and a group of the layer for null records.
+TEST_F(PipelineBinaries, RayTracingPipeline)
 {
     for (const Way way : {Way::Pipeline, Way::Data, Way::Cache}) {
         for (const bool anyHit : {true, false}) {
@@ -139,8 +139,8 @@ TEST_F(PipelineBinaries, OfARayTracingPipeline)
     }
 }
 
-// How hidden ray flags travel is in the code, which is not there any more: here they are constants in it.
-TEST_F(PipelineBinaries, OfAPipelineWithConstantRayFlags)
+// How hidden ray flags are passed depends on the code, which a binary lacks: here they are constants in the code.
+TEST_F(PipelineBinaries, PipelineWithConstantRayFlags)
 {
     for (const Way way : {Way::Pipeline, Way::Data}) {
         PipelineTracerSetup setup = remadeSetup(way);
@@ -150,7 +150,7 @@ TEST_F(PipelineBinaries, OfAPipelineWithConstantRayFlags)
     }
 }
 
-TEST_F(PipelineBinaries, OfAPipelineWithoutTheBit)
+TEST_F(PipelineBinaries, PipelineWithoutTheBit)
 {
     const PipelineScene plain(gpu(), {.micromaps = false});
     PipelineTracerSetup setup = remadeSetup(Way::Data);
@@ -170,7 +170,7 @@ TEST_F(PipelineBinaries, KeysAreThoseOfTheCode)
 }
 
 // A device with its tables elsewhere: in this process every other one.
-TEST_F(PipelineBinaries, OfAnotherDevice)
+TEST_F(PipelineBinaries, AnotherDevice)
 {
     Gpu other(cachingDriver());
     const Tracer tracer(gpu());
@@ -189,7 +189,7 @@ TEST_F(PipelineBinaries, OfAnotherDevice)
 }
 
 // Cut off, also right after the layer's header, or with any byte of the header or the driver's data changed.
-TEST_F(PipelineBinaries, ThatAreDamaged)
+TEST_F(PipelineBinaries, Damaged)
 {
     const Tracer tracer(gpu());
     const Kept whole = kept(gpu(), tracer.layout(), tracer_comp);
@@ -219,7 +219,7 @@ TEST_F(PipelineBinaries, ThatAreDamaged)
     EXPECT_EQ(gpu().takeUnexpectedMessages().size(), 1u);
 }
 
-TEST_F(PipelineBinaries, ThatTheDriverDoesNotHave)
+TEST_F(PipelineBinaries, NotInTheDriver)
 {
     const Tracer tracer(gpu());
     const VkShaderModule module = gpu().shader(empty);
@@ -231,8 +231,8 @@ TEST_F(PipelineBinaries, ThatTheDriverDoesNotHave)
     vkDestroyShaderModule(gpu().device(), module, nullptr);
 }
 
-// The driver is not asked: there are none.
-TEST_F(PipelineBinaries, OfAPipelineThatCannotBeMade)
+// The layer does not query the driver: there are no binaries.
+TEST_F(PipelineBinaries, FailedPipeline)
 {
     const Tracer tracer(gpu());
     const std::vector<uint32_t> code = gpu().code(tracer_comp);
@@ -250,7 +250,7 @@ TEST_F(PipelineBinaries, OfAPipelineThatCannotBeMade)
 }
 
 // Rays of a library may meet shaders of others. In the binary of a whole pipeline constant flags are constants.
-TEST_F(PipelineBinaries, OfAWholePipelineMakeNoLibrary)
+TEST_F(PipelineBinaries, WholePipelineMakesNoLibrary)
 {
     if (!constantRayFlags())
         GTEST_SKIP() << "constant ray flags travel like others";
@@ -289,7 +289,7 @@ class BinariesOfSettings : public testing::TestWithParam<std::array<const char *
 {
 };
 
-TEST_P(BinariesOfSettings, AreNotThoseOfOthers)
+TEST_P(BinariesOfSettings, DifferFromThoseOfOtherSettings)
 {
     const auto [variable, value] = GetParam();
     const char *old = std::getenv(variable);

@@ -99,7 +99,7 @@ TEST_F(PipelineCommandsMaintenance, Indirect2)
     }
 }
 
-// The same command buffer with another command and table in memory each time.
+// The same command buffer is submitted several times, each time with another command and table in memory.
 TEST_F(PipelineCommandsMaintenance, Indirect2ChangesBetweenSubmissions)
 {
     if (gpu().vk().CmdTraceRaysIndirect2KHR == nullptr)
@@ -116,7 +116,7 @@ TEST_F(PipelineCommandsMaintenance, Indirect2ChangesBetweenSubmissions)
         VkTraceRaysIndirectCommand2KHR c = command(tracer);
         c.hitShaderBindingTableAddress += first * c.hitShaderBindingTableStride;
         c.hitShaderBindingTableSize = 2 * c.hitShaderBindingTableStride;
-        // Where the base alignment does not allow that address, the table's start does with another offset.
+        // A table must start at the base alignment, which this record may lack.
         if (c.hitShaderBindingTableAddress % gpu().pipelineProperties().shaderGroupBaseAlignment != 0)
             GTEST_SKIP() << "records are not aligned as tables are";
         std::memcpy(buffer.bytes() + 256, &c, sizeof c);
@@ -128,7 +128,7 @@ TEST_F(PipelineCommandsMaintenance, Indirect2ChangesBetweenSubmissions)
     vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &commands);
 }
 
-// More records than one would think of.
+// More records than the scene uses.
 TEST_F(PipelineCommandsMaintenance, Indirect2WithManyRecords)
 {
     if (gpu().vk().CmdTraceRaysIndirect2KHR == nullptr)
@@ -153,7 +153,7 @@ TEST_F(PipelineCommandsMaintenance, Indirect2WithManyRecords)
     }
 }
 
-// A compute pipeline of the application's, whose push constants lie beside those of the ray tracing pipelines.
+// A compute pipeline of the application whose push constants share a layout with those of the ray tracing pipelines.
 class ComputeState
 {
 public:
@@ -165,7 +165,7 @@ public:
                                                    nullptr};
         auto set = vkInit<VkDescriptorSetLayoutCreateInfo>({.bindingCount = 1, .pBindings = &binding});
         VT_CHECK(vkCreateDescriptorSetLayout(gpu.device(), &set, nullptr, &setLayout_));
-        // The same ranges as in the ray tracing pipelines' layout: push constants of one are good for the other.
+        // The same ranges as in the ray tracing pipelines' layout, so that push constants stay valid for both.
         const std::array<VkPushConstantRange, 2> ranges{{{PipelineResources::kStages, 0, rayTracingPushSize}, kRange}};
         auto layout =
             vkInit<VkPipelineLayoutCreateInfo>({.setLayoutCount = 1,
@@ -363,7 +363,7 @@ TEST_F(PipelineState, SubmittedAgainAndAgain)
     VT_CHECK(vkQueueWaitIdle(gpu().queue()));
     expectTraced();
     compute_->expectSeen();
-    // And after a reset, with other content.
+    // The command buffer is recorded again after a reset, with other content.
     auto begin = vkInit<VkCommandBufferBeginInfo>();
     for (int i = 0; i < 3; ++i) {
         VT_CHECK(vkBeginCommandBuffer(commands, &begin));

@@ -27,7 +27,7 @@ protected:
         bool destroyUnjoined = false;
     };
 
-    // By that many threads. One of them, at least, finds the operation complete.
+    // Joins with that many threads. At least one of them finds the operation complete.
     void join(VkDeferredOperationKHR operation, uint32_t joiners)
     {
         std::vector<std::thread> threads;
@@ -95,8 +95,8 @@ protected:
     }
 };
 
-// Without the validation layer: 1.3.239 learns of a deferred pipeline when its result is queried, but the pipeline is
-// there, and ours inspects it, as soon as an operation is joined.
+// Without the validation layer: 1.3.239 records a deferred pipeline only when its result is queried, but Vellum uses
+// the pipeline as soon as an operation is joined.
 class PipelineCreationDeferred : public PipelineCreation
 {
 protected:
@@ -111,7 +111,7 @@ protected:
     PipelineCreationNotDeferred() : PipelineCreationDeferred("") {}
 };
 
-TEST_F(PipelineCreationDeferred, ByTheDriver)
+TEST_F(PipelineCreationDeferred, Deferred)
 {
     expectDeferred({});
 }
@@ -121,7 +121,7 @@ TEST_F(PipelineCreationDeferred, JoinedByThreads)
     expectDeferred({.joiners = 3});
 }
 
-TEST_F(PipelineCreationNotDeferred, ByTheDriver)
+TEST_F(PipelineCreationNotDeferred, NotDeferred)
 {
     expectDeferred({});
 }
@@ -135,7 +135,7 @@ protected:
     }
 };
 
-TEST_F(PipelineCreationDeferredInline, ByTheDriver)
+TEST_F(PipelineCreationDeferredInline, Deferred)
 {
     if (!gpu().has("VK_KHR_maintenance5"))
         GTEST_SKIP() << "no VK_KHR_maintenance5";
@@ -270,7 +270,7 @@ TEST_F(PipelineCreationUncompiledDeferred, SomeOfSeveral)
     expectHalfMade(true);
 }
 
-// A deferred operation that nobody used, and one whose call failed.
+// An unused deferred operation, and one whose call failed.
 TEST_F(PipelineCreation, UnusedOperation)
 {
     VkDeferredOperationKHR operation = VK_NULL_HANDLE;
@@ -285,7 +285,7 @@ TEST_F(PipelineCreation, DestroyNothing)
     vkDestroyPipeline(gpu().device(), VK_NULL_HANDLE, nullptr);
 }
 
-// With a pipeline cache, twice: the second time from it.
+// Twice with a pipeline cache: the second pipeline is taken from it.
 TEST_F(PipelineCreation, Cache)
 {
     auto info = vkInit<VkPipelineCacheCreateInfo>();
@@ -339,14 +339,14 @@ TEST_F(PipelineCreation, StackSizes)
         const PipelineTracer with(gpu(), {.groups = groups});
         const PipelineTracer without(gpu(), {.groups = groups, .flags = 0});
         const StackSizes a = sizesOf(with.pipeline(), anyHit), b = sizesOf(without.pipeline(), anyHit);
-        // What our code adds is small; and no size is that of another group's shader, or none.
+        // The layer's code adds little, and no size is 0 or that of another group's shader.
         EXPECT_GE(a.total(), b.total());
         EXPECT_LT(a.total(), b.total() + 65536);
     }
 }
 
-// The application knows of no any-hit shader where it has none. The spy reports it if the size that reaches the
-// driver has no space for ours.
+// The application sets a stack size without any-hit shaders, as it has none. The spy reports it if the size that
+// reaches the driver has no space for the layer's.
 TEST_F(PipelineCreation, StackSizeSetByTheApplication)
 {
     for (const bool anyHit : {true, false}) {
@@ -371,7 +371,7 @@ TEST_F(PipelineCreation, StackSizeSetByTheApplication)
     }
 }
 
-// The same where the layer's any-hit shader for boxes is the only one it adds.
+// As above, if the layer's any-hit shader for boxes is the only one that it adds.
 TEST_F(PipelineCreation, StackSizeWithBoxesOnly)
 {
     PipelineTracer tracer(gpu(), {.groups = {{}, {.box = true, .anyHit = false}},

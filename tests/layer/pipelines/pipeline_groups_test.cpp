@@ -94,7 +94,7 @@ TEST_F(PipelineGroups, StagesOfTheirOwn)
     expectAll(tracer);
 }
 
-// The same stages in groups with and without their neighbours, hit in turns.
+// The same stages in groups with and without the other stages, hit in turns.
 TEST_F(PipelineGroups, OneStageInManyGroups)
 {
     const std::vector<TracerGroup> groups{{},
@@ -137,11 +137,11 @@ TEST_F(PipelineGroups, OneStageInManyGroups)
     }
 }
 
-// As many hit attributes as lavapipe has space for, in boxes' groups beside triangles' groups.
+// The largest hit attributes that lavapipe allows, in groups of boxes, with groups of triangles in the same pipeline.
 TEST_F(PipelineGroups, WideHitAttributes)
 {
     if (gpu().pipelineProperties().maxRayHitAttributeSize < 32)
-        GTEST_SKIP() << "no room for the attributes";
+        GTEST_SKIP() << "the attributes are too large";
     for (const bool triangleAnyHit : {true, false}) {
         for (const bool boxAnyHit : {true, false}) {
             PipelineTracer tracer(
@@ -163,7 +163,7 @@ TEST_F(PipelineGroups, WideHitAttributes)
     }
 }
 
-// No hit records at all, and rays that meet nothing.
+// Without hit records, traced with rays that hit nothing.
 TEST_F(PipelineGroups, NoHitRecords)
 {
     PipelineTracer tracer(gpu());
@@ -171,16 +171,16 @@ TEST_F(PipelineGroups, NoHitRecords)
     for (Ray &ray : rays)
         ray.cullMask = 0;
     tracer.prepare(scene_->tlas(), rays, 4);
-    const BindingTable &ours = tracer.table();
+    const BindingTable &binding = tracer.table();
     const VkStridedDeviceAddressRegionKHR none{};
-    VkStridedDeviceAddressRegionKHR empty = ours.hit;
+    VkStridedDeviceAddressRegionKHR empty = binding.hit;
     empty.size = 0;
     for (const VkStridedDeviceAddressRegionKHR &hit : {none, empty}) {
         tracer.clearResults();
         gpu().submit([&](VkCommandBuffer commands) {
             tracer.bind(commands);
-            gpu().vk().CmdTraceRaysKHR(commands, &ours.raygen, &ours.miss, &hit, &ours.callable, tracer.rayCount(), 1,
-                                       1);
+            gpu().vk().CmdTraceRaysKHR(commands, &binding.raygen, &binding.miss, &hit, &binding.callable,
+                                       tracer.rayCount(), 1, 1);
             barrier(commands);
         });
         for (const PipelineResult &r : tracer.results()) {
@@ -251,7 +251,7 @@ TEST_F(PipelineGroups, TableThatChanges)
     const auto &limits = gpu().pipelineProperties();
     const VkDeviceSize handle = limits.shaderGroupHandleSize;
     const VkDeviceSize stride = tracer.table().hit.stride;
-    // Two contents: as in the tracer's table, and with a zero record for triangles.
+    // Two contents: that of the tracer's table, and one with a zero record for triangles.
     std::vector<uint8_t> content(static_cast<size_t>(stride) * 4);
     const auto put = [&](size_t record, std::optional<uint32_t> group, uint32_t data) {
         uint8_t *at = content.data() + record * stride;
@@ -284,13 +284,13 @@ TEST_F(PipelineGroups, TableThatChanges)
         for (const uint32_t flags : {0u, kRayCullOpaque, 0x400u}) {
             tracer.prepare(scene_->tlas(), scene_->rays(flags), 4);
             VkCommandBuffer commands = gpu().begin(0);
-            const BindingTable &ours = tracer.table();
+            const BindingTable &binding = tracer.table();
             for (const uint32_t which : {1 - last, last}) {
                 barrier(commands);
                 copy(commands, which);
                 tracer.bind(commands);
-                gpu().vk().CmdTraceRaysKHR(commands, &ours.raygen, &ours.miss, &hit, &ours.callable, tracer.rayCount(),
-                                           1, 1);
+                gpu().vk().CmdTraceRaysKHR(commands, &binding.raygen, &binding.miss, &hit, &binding.callable,
+                                           tracer.rayCount(), 1, 1);
             }
             barrier(commands);
             gpu().end(commands);
@@ -314,11 +314,12 @@ TEST_F(PipelineGroups, TableWrittenAfterRecording)
     const VkDeviceSize base = (table.address() + 63) / 64 * 64;
     uint8_t *bytes = table.bytes() + (base - table.address());
     const VkStridedDeviceAddressRegionKHR hit{base, stride, stride * 2};
-    const BindingTable &ours = tracer.table();
+    const BindingTable &binding = tracer.table();
     tracer.prepare(scene_->tlas(), scene_->rays(0), 4);
     VkCommandBuffer commands = gpu().begin(VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT);
     tracer.bind(commands);
-    gpu().vk().CmdTraceRaysKHR(commands, &ours.raygen, &ours.miss, &hit, &ours.callable, tracer.rayCount(), 1, 1);
+    gpu().vk().CmdTraceRaysKHR(commands, &binding.raygen, &binding.miss, &hit, &binding.callable, tracer.rayCount(), 1,
+                               1);
     barrier(commands);
     gpu().end(commands);
     for (const bool zero : {false, true, false}) {
@@ -363,12 +364,12 @@ TEST_F(PipelineGroups, Strides)
             }
             // The last record ends with its handle and data, not with its stride.
             const VkStridedDeviceAddressRegionKHR hit{base, stride, 3 * stride + size + 16};
-            const BindingTable &ours = tracer.table();
+            const BindingTable &binding = tracer.table();
             for (const uint32_t flags : {0u, kRayCullNoOpaque, 0x402u}) {
                 tracer.prepare(triangles.tlas(), triangles.rays(flags), 4);
                 gpu().submit([&](VkCommandBuffer commands) {
                     tracer.bind(commands);
-                    gpu().vk().CmdTraceRaysKHR(commands, &ours.raygen, &ours.miss, &hit, &ours.callable,
+                    gpu().vk().CmdTraceRaysKHR(commands, &binding.raygen, &binding.miss, &hit, &binding.callable,
                                                tracer.rayCount(), 1, 1);
                     barrier(commands);
                 });
@@ -383,16 +384,16 @@ TEST_F(PipelineGroups, StrideZero)
     // Without boxes, which need another record.
     PipelineTracer tracer(gpu());
     const PipelineScene scene(gpu(), {.triangleRecord = 0});
-    const BindingTable &ours = tracer.table();
-    VkStridedDeviceAddressRegionKHR hit = ours.hit;
+    const BindingTable &binding = tracer.table();
+    VkStridedDeviceAddressRegionKHR hit = binding.hit;
     hit.stride = 0;
     hit.size = gpu().pipelineProperties().shaderGroupHandleSize + 16;
     for (const uint32_t flags : {kRaySkipBoxes, kRaySkipBoxes | kRayOpaque, kRaySkipBoxes | 0x440u}) {
         tracer.prepare(scene.tlas(), scene.rays(flags), 4);
         gpu().submit([&](VkCommandBuffer commands) {
             tracer.bind(commands);
-            gpu().vk().CmdTraceRaysKHR(commands, &ours.raygen, &ours.miss, &hit, &ours.callable, tracer.rayCount(), 1,
-                                       1);
+            gpu().vk().CmdTraceRaysKHR(commands, &binding.raygen, &binding.miss, &hit, &binding.callable,
+                                       tracer.rayCount(), 1, 1);
             barrier(commands);
         });
         scene.expect(tracer.results(), flags);

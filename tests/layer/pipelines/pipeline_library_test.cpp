@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pipeline libraries: linked in any order, nested, beside groups of the pipeline's own.
+// Pipeline libraries: linked in any order, nested, and together with groups of the pipeline itself.
 #include <algorithm>
 
 #include "gpu/programs/pipeline_libraries.h"
@@ -127,7 +127,7 @@ const std::vector<Plan> kPlans{
     {.libraries = {{3}, {2, 1}}, .own = {0}, .nested = true},
 };
 
-// Those with nothing but libraries: they can be made, and have handles.
+// Pipelines of libraries only: they can be created, and have handles.
 const std::vector<Plan> kOnlyLibraries{
     {.libraries = {{0, 1}, {2}, {3}}},
     {.libraries = {{3}, {2}, {1, 0}}},
@@ -159,7 +159,7 @@ TEST_F(PipelineLibrary, GroupsWithoutAnyHit)
     }
 }
 
-TEST_F(PipelineLibrary, NothingButLibraries)
+TEST_F(PipelineLibrary, OnlyLibraries)
 {
     for (const Plan &plan : kOnlyLibraries) {
         for (const bool anyHit : {true, false}) {
@@ -177,7 +177,7 @@ TEST_F(PipelineLibrary, ZeroRecords)
         SCOPED_TRACE(testing::Message() << "plan " << i);
         expect(kPlans[i], {.records = {std::nullopt, 1}}, {.triangleAnyHit = false, .triangleClosestHit = false});
     }
-    // And where neither pipeline nor libraries have a hit group.
+    // Neither the pipeline nor its libraries have a hit group.
     const PipelineTracerSetup none{.groups = {}, .records = {std::nullopt, std::nullopt}};
     const PipelineScene::View view{
         .triangleAnyHit = false, .triangleClosestHit = false, .skipBoxes = true, .missFlags = false};
@@ -195,7 +195,7 @@ TEST_F(PipelineLibrary, WithoutTheBit)
     }
 }
 
-// Only the rule of the other direction exists: libraries with the bit may be linked to a pipeline without it.
+// Only the opposite is forbidden: libraries with the bit may be linked to a pipeline without it.
 TEST_F(PipelineLibrary, LibrariesWithTheBitInAPipelineWithoutIt)
 {
     const PipelineScene plain(gpu(), {.micromaps = false});

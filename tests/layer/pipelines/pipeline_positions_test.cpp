@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// VK_KHR_ray_tracing_position_fetch beside micromaps, in pipelines and in ray queries.
+// VK_KHR_ray_tracing_position_fetch together with micromaps, in pipelines and in ray queries.
 #include <random>
 
-#include "gpu/pipeline_builder.h"
 #include "check/oracle/outcome.h"
 #include "command_buffer/compute_pipeline.h"
+#include "gpu/pipeline_builder.h"
 #include "harness/harness.h"
 
 #include "harness/program/labels.h"
@@ -109,9 +109,9 @@ protected:
             for (uint32_t i = 0; i < kTriangles; ++i) {
                 SCOPED_TRACE(testing::Message() << "triangle " << i << " ray flags " << flags);
                 const Outcome outcome = outcomeOf(micromaps ? static_cast<int>(i % 4) : kNoMicromap, false, 0, flags);
-                const bool asked = outcome == Outcome::NonOpaque && anyHit;
+                const bool isCandidate = outcome == Outcome::NonOpaque && anyHit;
                 const bool hit = outcome == Outcome::NonOpaque || outcome == Outcome::Opaque;
-                expectSeen(seen.as<Seen>()[2 * i], asked, flags, &geometry.vertices[3 * i]);
+                expectSeen(seen.as<Seen>()[2 * i], isCandidate, flags, &geometry.vertices[3 * i]);
                 expectSeen(seen.as<Seen>()[2 * i + 1], hit, flags, &geometry.vertices[3 * i]);
                 if (HasFailure())
                     return;

@@ -60,7 +60,7 @@ protected:
     explicit PipelineResolution(const Options &options = {.shared = true}) : PipelineSceneTest(options) {}
 };
 
-// The same on the driver alone: what the tests expect where Vellum has no part.
+// Checks on the driver alone what the tests expect of cases that Vellum does not change.
 class PipelineResolutionWithoutLayer : public PipelineResolution
 {
 protected:
@@ -135,7 +135,8 @@ std::vector<uint32_t> declaring(std::span<const uint32_t> words)
     return out;
 }
 
-// What the driver does not know is gone before it sees the module: the validation layer would tell.
+// The layer removes capabilities and extensions that the driver does not know: otherwise the validation layer would
+// report the module.
 TEST_F(PipelineResolution, DeclaredExtensions)
 {
     for (const std::span<const uint32_t> words :
@@ -143,7 +144,7 @@ TEST_F(PipelineResolution, DeclaredExtensions)
         const std::vector<uint32_t> more = declaring(words);
         PipelineTracer tracer(gpu(), {.raygen = more});
         scene_->expect(tracer, 0x401, {.runTimeFlags = 0x401});
-        // In a pipeline without the bit nothing of it may reach the driver either.
+        // In a pipeline without the bit they must not reach the driver either.
         PipelineTracer without(gpu(), {.raygen = more, .flags = 0});
     }
 }
@@ -267,7 +268,7 @@ TEST_F(PipelineResolutionMaintenance5, FlagsInTheChainReplaceTheOthers)
 // VK_ARM_pipeline_opacity_micromap: the promise that there are no micromaps stays in the layer (the spy).
 TEST_F(PipelineResolutionMaintenance5, PromiseOfNoMicromaps)
 {
-    // The extension is not enabled; and the flags of micromaps are there beside it, once in the chain and once not.
+    // The extension is not enabled. The micromap flags are set as well, once in the chain and once not.
     gpu().breaks("VUID-VkPipelineCreateFlags2CreateInfo-flags-parameter");
     gpu().breaks("VUID-VkRayTracingPipelineCreateInfoKHR-flags-10392");
     gpu().breaks("WARNING-VkPipelineCreateFlags2-flags-appending");
@@ -327,8 +328,8 @@ TEST_F(PipelineResolution, PipelineFlags)
     }
 }
 
-// NO_NULL_ANY_HIT: every hit that needs an any-hit shader finds one. Hits that only the layer makes need one (opaque
-// geometry, which never asks) may lie behind a record without.
+// NO_NULL_ANY_HIT: every hit that needs an any-hit shader finds one. The layer itself turns hits on opaque geometry,
+// which need none, into hits that do; their record may have none.
 TEST_F(PipelineResolution, NoNullAnyHitWithOpaqueHitsOnZeroRecords)
 {
     PipelineTracer tracer(gpu(),

@@ -9,8 +9,8 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "gpu/pipeline_tracer.h"
 #include "check/oracle/outcome.h"
+#include "gpu/pipeline_tracer.h"
 #include "harness/harness.h"
 
 namespace vt
@@ -26,7 +26,7 @@ inline bool constantRayFlags()
 class PipelineScene
 {
 public:
-    // How the hit records of the tracer look; boxes use record `boxRecord`, triangles record 0.
+    // The hit records of the tracer; boxes use record `boxRecord`, triangles record 0.
     struct View {
         bool triangleAnyHit = true, boxAnyHit = true;
         bool triangleClosestHit = true, boxClosestHit = true;
@@ -38,7 +38,7 @@ public:
         // garbage for IncomingRayFlags where the pipeline has no hit group.
         bool missFlags = true;
         bool constantFlags = false; // of all rays of the pipeline: intersection shaders see them, whatever the driver
-        uint32_t firstRecord = 0;   // what the trace adds to the scene's record indices
+        uint32_t firstRecord = 0;   // added to the scene's record indices by the trace
         uint32_t firstData = 100;   // data of the table's record 0
     };
     struct Config {
@@ -76,7 +76,7 @@ public:
             const uint8_t states = format == kTwoState ? 2 : 4;
             for (uint8_t state = 0; state < states; ++state) {
                 addTriangle(static_cast<int32_t>(input.add(0, format, std::array{state})), {0.3, 0.3}, state);
-                // And beside other states, where the data must be looked at.
+                // With other states in the same micromap, so that the lookup must read the data.
                 std::vector<uint8_t> mixed(256);
                 for (size_t i = 0; i < mixed.size(); ++i)
                     mixed[i] = static_cast<uint8_t>((i * 7 + i / 5 + state) % states);
@@ -227,8 +227,8 @@ private:
         const bool reported = met && (!p.box || rays_[i].generate > 0);
         const bool anyHit = p.box ? view.boxAnyHit : view.triangleAnyHit;
         const bool closestHit = p.box ? view.boxClosestHit : view.triangleClosestHit;
-        const bool asked = reported && outcome == Outcome::NonOpaque && anyHit;
-        const bool hit = reported && (!asked || rays_[i].rule == kAlways);
+        const bool isCandidate = reported && outcome == Outcome::NonOpaque && anyHit;
+        const bool hit = reported && (!isCandidate || rays_[i].rule == kAlways);
         const float u = p.box ? static_cast<float>(aim.target.primitive) + 0.25f : static_cast<float>(aim.target.uv[0]);
         const float v = p.box ? static_cast<float>(aim.target.geometry) + 0.5f : static_cast<float>(aim.target.uv[1]);
         const uint32_t kind = p.box ? 0x10 + aim.target.primitive : kHitKindFront;
@@ -247,12 +247,12 @@ private:
             if (!(view.constantFlags ? visit.flags == flags : intersectionMaySee(visit.flags, flags)) ||
                 visit.record != record || visit.tMin != 0)
                 return "what the intersection shader reads: flags " + std::to_string(visit.flags);
-            const bool returns = hit && !(view.terminates && asked);
+            const bool returns = hit && !(view.terminates && isCandidate);
             if (visit.reported != (rays_[i].generate > 0 ? returns ? 3u : 1u : 0u))
                 return "reportIntersectionEXT gave " + std::to_string(visit.reported);
         }
-        if ((r.candidateCount > 0) != asked)
-            return asked ? "the any-hit shader did not run" : "the any-hit shader ran";
+        if ((r.candidateCount > 0) != isCandidate)
+            return isCandidate ? "the any-hit shader did not run" : "the any-hit shader ran";
         for (size_t k = 0; k < r.candidates.size(); ++k) {
             if (!named(r.candidates[k]))
                 return "the any-hit shader's identity";

@@ -82,7 +82,7 @@ protected:
         std::vector<RayPipeline> libraries;
         if (relay.libraries) {
             setup.payloadSize = 256;
-            for (const size_t first : {1u, 3u}) { // two libraries, with a group each that nobody uses
+            for (const size_t first : {1u, 3u}) { // two libraries, each with an unused group
                 PipelineSetup library = setup;
                 library.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
                 const auto begin = setup.stages.begin() + static_cast<ptrdiff_t>(first);
@@ -192,15 +192,15 @@ TEST_F(PipelineStages, WithoutAnyHit)
     expect({.anyHit = false});
 }
 
-// Where ray flags travel in payloads, the layer's any-hit shader of each group has the payload of its rays: the test
-// driver looks at that (layers/spy_pipelines.cpp).
+// Where ray flags are passed in payloads, the layer's any-hit shader of each group has the payload type of its rays:
+// the mock driver checks this (layers/spy_pipelines.cpp).
 TEST_F(PipelineStages, PayloadsOfSeveralTypes)
 {
     expect({.others = true});
     expect({.anyHit = false, .others = true});
 }
 
-// The pipeline's groups name them all the same.
+// The pipeline's groups name them nevertheless.
 TEST_F(PipelineStages, InLibraries)
 {
     if (!gpu().has(VK_KHR_PIPELINE_LIBRARY_EXTENSION_NAME))

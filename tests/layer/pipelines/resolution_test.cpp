@@ -61,7 +61,8 @@ protected:
         for (const uint16_t format : {kTwoState, kFourState}) {
             for (uint32_t level = 0; level <= kMaxLevel; ++level, ++column) {
                 const uint32_t count = 1u << (2 * level);
-                // One random number for 16 states; below level 2 every state comes up in its own triangle further down.
+                // One random number for 16 states. Below level 2, triangles that are added further down cover every
+                // state.
                 std::vector<uint8_t> states(count);
                 for (uint32_t i = 0; i < count; i += 16) {
                     const uint32_t bits = static_cast<uint32_t>(random());
@@ -140,11 +141,11 @@ protected:
                 const Result &r = results[next];
                 const bool confirms = rays_[next++].rule == kAlways;
                 const Outcome outcome = outcomeOf(t.state, placed_[i].geometryOpaque, placed_[i].flags, rayFlags);
-                const bool asked = outcome == Outcome::NonOpaque;
-                const bool hit = outcome == Outcome::Opaque || (asked && confirms);
-                bool right = r.candidateCount == (asked ? 1u : 0u) && r.committed == (hit ? kTriangle : kNone) &&
+                const bool isCandidate = outcome == Outcome::NonOpaque;
+                const bool hit = outcome == Outcome::Opaque || (isCandidate && confirms);
+                bool right = r.candidateCount == (isCandidate ? 1u : 0u) && r.committed == (hit ? kTriangle : kNone) &&
                              r.flags == rayFlags;
-                if (asked && right)
+                if (isCandidate && right)
                     right = r.candidates[0].customIndex == i * 12345 && r.candidates[0].instance == i &&
                             r.candidates[0].geometry == t.geometry && r.candidates[0].primitive == t.primitive &&
                             !r.candidates[0].box();
@@ -155,9 +156,10 @@ protected:
                     ADD_FAILURE() << t.what << ", state " << t.state << ", geometry "
                                   << (placed_[i].geometryOpaque ? "opaque" : "not opaque") << ", instance flags 0x"
                                   << std::hex << placed_[i].flags << ", ray flags 0x" << rayFlags << std::dec
-                                  << ": expected " << (asked ? "asked " : "") << (hit ? "hit" : "no hit") << "; got "
-                                  << r.candidateCount << " candidates, committed " << r.committed << ", flags "
-                                  << r.flags << ", custom index " << r.customIndex << ", primitive " << r.primitive;
+                                  << ": expected " << (isCandidate ? "a candidate, " : "") << (hit ? "hit" : "no hit")
+                                  << "; got " << r.candidateCount << " candidates, committed " << r.committed
+                                  << ", flags " << r.flags << ", custom index " << r.customIndex << ", primitive "
+                                  << r.primitive;
             }
         }
         EXPECT_EQ(failures, 0) << "of " << next;

@@ -214,7 +214,7 @@ protected:
                             {"MESA_SHADER_CACHE_DIR", folder_ / "mesa"},
                             {"MESA_SHADER_CACHE_SHOW_STATS", "1"},
                             {"XDG_CACHE_HOME", folder_ / "cache"},
-                            // As if they did: they are random here.
+                            // Simulates replayed addresses; the addresses are random here.
                             {"VELLUM_TEST_ADDRESSES_REPEAT", "1"}});
         const std::string log = own / "log";
         const pid_t child = fork();
@@ -286,7 +286,7 @@ TEST_F(ShaderCache, NextRunCompilesNothing)
     EXPECT_FALSE(fs::exists(cacheFolder()));
 }
 
-// As on a GPU: the addresses are the driver's, but it gives them again.
+// As on a GPU: the driver chooses the addresses, and replays them.
 TEST_F(ShaderCache, NextRunCompilesNothingWhereAddressesAreReplayed)
 {
     const Outcome first = run({{kQuirks, kReplay}});
@@ -319,7 +319,7 @@ TEST_F(ShaderCache, PipelineCacheOfTheRunBefore)
     }
 }
 
-// Without the file such a driver puts the tables anywhere, and another shader is another shader.
+// Without the file, such a driver gives the tables other addresses, so the shaders differ.
 TEST_F(ShaderCache, NoFolderNoAddresses)
 {
     const Environment none{{kQuirks, kReplay}, {"VELLUM_CACHE_FOLDER", ""}};

@@ -23,7 +23,7 @@ protected:
     }
 };
 
-// Nothing is ever committed: the number of candidates is certain.
+// Nothing is ever committed, so the number of candidates is defined.
 TEST_P(Shapes, Candidates)
 {
     const Columns columns(gpu(), 3, kNever);
@@ -100,7 +100,7 @@ TEST_P(Shapes, CommittedHit)
     }
 }
 
-// With the ray flags that the layer has to carry past the driver.
+// With the ray flags that the layer must hide from the driver.
 TEST_P(Shapes, RayFlags)
 {
     if (GetParam() == 10 || (GetParam() >= 17 && GetParam() <= 20))

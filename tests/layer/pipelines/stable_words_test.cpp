@@ -74,7 +74,7 @@ std::map<std::string, std::string> wordsOfARun(const fs::path &folder)
     return words;
 }
 
-TEST(StableWords, AreTheSameInEveryRun)
+TEST(StableWords, SameInEveryRun)
 {
     if (!choosesAddresses(Gpu(plain()).physical()))
         GTEST_SKIP() << "the driver chooses the addresses";
@@ -83,7 +83,7 @@ TEST(StableWords, AreTheSameInEveryRun)
     const auto second = wordsOfARun(folder / "2");
     ASSERT_EQ(first.size(), 2u);
     EXPECT_TRUE(first == second);
-    // There is an address in them, and each device has its own.
+    // They contain an address, which each device chooses.
     EXPECT_NE(first.begin()->second, first.rbegin()->second);
     if (!HasFailure())
         fs::remove_all(folder);

@@ -3,8 +3,8 @@
 // format.
 #include <thread>
 
-#include "gpu/copies.h"
 #include "command_buffer/inherited_condition.h"
+#include "gpu/copies.h"
 #include "harness/harness.h"
 #include "harness/mock_driver.h"
 #include "harness/program/labels.h"
@@ -24,7 +24,7 @@ constexpr std::array<VkQueryType, 2> kTypes{VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZ
 constexpr uint32_t kCount = 5;
 constexpr VkDeviceSize kSentinel = 0x5a5a5a5a5a5a5a5a;
 
-// Of the query type that the device's API has for this one.
+// A pool of the query type that the tests' extension has in place of this one.
 QueryPool poolOf(Gpu &gpu, VkQueryType type, uint32_t count)
 {
     return {gpu, micromapQueryType(gpu, type), count};
@@ -51,7 +51,7 @@ protected:
             handles_.push_back(micromaps_.back()->handle());
         }
     }
-    // What the size of micromap i is.
+    // The size of micromap i.
     VkDeviceSize sizeOf(VkQueryType type, uint32_t i)
     {
         const VkDeviceSize compacted = 64 + (i + 3) / 2 * 16 + (i + 1) * 64;
@@ -134,7 +134,7 @@ TEST_F(Queries, AvailabilityAndPartialResults)
     EXPECT_EQ(entries[0].value, 0u);
     EXPECT_EQ(entries[0].available, 0u);
     EXPECT_EQ(entries[1].value, sizeOf(type, 0));
-    // Without availability the unavailable ones are left alone, too.
+    // Without availability, values that are not available are not written either.
     fill();
     EXPECT_EQ(read(pool, 0, 2, entries.data(), sizeof entries, sizeof(Entry), VK_QUERY_RESULT_64_BIT), VK_NOT_READY);
     EXPECT_EQ(entries[0].value, kSentinel);
@@ -225,7 +225,7 @@ TEST_F(Queries, DeviceCopies)
                     const size_t stride = 40;
                     const size_t offset = 16;
                     const QueryPool pool = poolOf(gpu(), type, kCount + 2);
-                    // Only for transfers, as an application may have it.
+                    // With the transfer usage only, as in an application.
                     const Buffer out(gpu(), 1024, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
                     std::memset(out.bytes(), 0x5a, 1024);
                     const uint32_t count = extra == VK_QUERY_RESULT_WAIT_BIT ? kCount : kCount + 1;
@@ -249,7 +249,7 @@ TEST_F(Queries, DeviceCopies)
     }
 }
 
-// A copy is no command that a predicate switches off, so it is recorded where one is inherited, too.
+// A predicate does not affect copies, so the layer's are recorded where one is inherited, too.
 TEST_F(Queries, CopiesWhereConditionalRenderingIsInherited)
 {
     Gpu other({.validation = false});
@@ -270,7 +270,7 @@ TEST_F(Queries, CopiesWhereConditionalRenderingIsInherited)
     EXPECT_EQ(out.as<uint64_t>()[1], kSentinel);
 }
 
-// Two copies of one pool in a command buffer that is submitted twice: each has results of its own.
+// Two copies from one pool in a command buffer that is submitted twice: each has its own results.
 TEST_F(Queries, CopiesSeeTheStateOfTheirTime)
 {
     const VkQueryType type = kTypes[0];
@@ -306,7 +306,7 @@ TEST_F(Queries, RejectsWrongUse)
         gpu().submit([&](VkCommandBuffer commands) { write(commands, type, pool, first, count); });
         expectMessage(id);
     };
-    // Both sizes of micromaps fit each other's pools; those of acceleration structures are the driver's.
+    // Either size of micromaps may be written to pools of the other; those of acceleration structures are the driver's.
     if (gpu().khr() || strictTests())
         rejected(gpu().khr() ? "02493" : "07525", kTypes[1], compacted, 0, 1);
     rejected(gpu().khr() ? "06742" : "07503", VK_QUERY_TYPE_OCCLUSION, compacted, 0, 1);
@@ -365,7 +365,7 @@ TEST_F(Queries, AMicromapThatWasNeverBuilt)
     EXPECT_LE(value, 4096u);
 }
 
-// The driver knows nothing of the records at the end of a structure: results must be larger by them.
+// The driver does not know the records at the end of a structure: the layer adds their size to results.
 TEST_F(Queries, AccelerationStructuresWithMicromaps)
 {
     Geometry plain{.vertices = triangleRow(500)};
@@ -374,7 +374,7 @@ TEST_F(Queries, AccelerationStructuresWithMicromaps)
     const VkBuildAccelerationStructureFlagsKHR flags = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
     const Blas small(gpu(), {plain}, flags);
     const Blas with(gpu(), {mapped}, flags);
-    // Of the same size as the one with micromaps: a driver's results may depend on that.
+    // With the same memory size as the one with micromaps, on which a driver's results may depend.
     Blas without(gpu(), {mapped}, flags);
     without.build({plain}, flags);
     ASSERT_EQ(without.size(), with.size());

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The recorder: a layer above all others that writes which values an application gives to the members of every structure
-// of acceleration structures, micromaps and ray tracing pipelines. A label that is inserted into a queue names what follows
-// (vkQueueInsertDebugUtilsLabelEXT: its text up to a space). With VELLUM_TEST_RECORD=FOLDER each process writes
-// FOLDER/PID.tsv: a line for each label, member and value. generate.py lists the members.
+// The recorder: a layer above all others that writes which values an application gives to the members of every
+// structure of acceleration structures, micromaps and ray tracing pipelines. A label that is inserted into a queue
+// names what follows (vkQueueInsertDebugUtilsLabelEXT: its text up to a space). With VELLUM_TEST_RECORD=FOLDER each
+// process writes FOLDER/PID.tsv: a line for each label, member and value. generate.py lists the members.
 //
 // It reads build inputs of the device, so it needs a driver like lavapipe, whose device addresses are host pointers.
 #include "layers/driver.h"
@@ -24,8 +24,8 @@ using driver::Level;
 using driver::Row;
 
 constexpr Level kLevel = Level::Recorder;
-constexpr size_t kMostValues = 1000;    // of a member
-constexpr uint64_t kMostElements = 64; // that are read of an array in device memory
+constexpr size_t kMostValues = 1000;   // of a member
+constexpr uint64_t kMostElements = 64; // elements read of an array in device memory
 
 std::mutex mutex; // of all that follows
 std::string label = "none";
@@ -39,7 +39,7 @@ void note(const char *member, int64_t value)
         values.insert(value);
 }
 
-// That a structure or command occurs.
+// Records that a structure or command occurs.
 void used(const char *name)
 {
     note(name, 1);
@@ -55,7 +55,7 @@ void noteFlags(const char *member, T v)
 {
     note(member, static_cast<int64_t>(v));
 }
-// Up to 8 as it is, then the power of two below it.
+// Counts up to 8 are exact, larger ones become the power of two below.
 template <class T>
 void noteNumber(const char *member, T v)
 {
@@ -145,7 +145,7 @@ VKAPI_ATTR void VKAPI_CALL insertLabel(VkQueue handle, const VkDebugUtilsLabelEX
         next(handle, info);
 }
 
-// What was recorded is complete then: workers may end without destroying their instance.
+// Writes out the record: workers may end without destroying their instance.
 VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCallbacks *allocator)
 {
     {
@@ -183,7 +183,7 @@ void visitAll(const T *const *values, uint32_t count)
         visit(*values[i]);
 }
 
-// Of an array in device memory: the first ones and the last one.
+// Visits the first elements and the last one of an array in device memory.
 template <class T>
 void visitMemory(VkDeviceAddress from, VkDeviceSize stride, uint64_t count)
 {

@@ -49,7 +49,7 @@ protected:
     Tlas scene_;
 };
 
-// Each trace has hit records of its own in memory of the layer's.
+// Each trace has its own hit records in memory of the layer.
 TEST_F(CommandScale, TracesInThousandsOfCommandBuffers)
 {
     if (!gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
@@ -69,7 +69,7 @@ TEST_F(CommandScale, TracesInThousandsOfCommandBuffers)
         EXPECT_LT(allocations() - before, 16u);
     }
     RecordProperty("allocations", static_cast<int>(allocations() - before));
-    // Any of them, in any order.
+    // Any of the command buffers can be submitted, in any order.
     std::vector<std::string> expected;
     for (const size_t i : {buffers.size() - 1, size_t{0}, buffers.size() / 2}) {
         tracer.clearResults();
@@ -156,7 +156,7 @@ TEST_F(CommandScale, PoolsComeAndGo)
     }
     for (std::thread &thread : threads)
         thread.join();
-    if (kResidentTells) {
+    if (kResidentIsMeaningful) {
         EXPECT_LT(Footprint::now().resident, warm + (8 << 20));
     }
 }
@@ -173,7 +173,7 @@ TEST_F(CommandScale, ThousandsOfQueryPools)
         timed("create" + std::to_string(round), scaled(2000), [&](size_t) { pools.emplace_back(gpu(), kType, 2); });
         EXPECT_LT(allocations() - before, 16u);
         for (size_t i = 0; i < pools.size(); i += pools.size() / 7) {
-            // One that has its memory from another is reset as that was: here by a command, which is the rule, anyway.
+            // A pool that reused memory of another is reset in the same way as that, here by a command.
             gpu().submit([&](VkCommandBuffer commands) {
                 vkCmdResetQueryPool(commands, pools[i], 0, 2);
                 const VkAccelerationStructureKHR structure = compactable.handle();
@@ -193,7 +193,7 @@ TEST_F(CommandScale, ThousandsOfQueryPools)
     EXPECT_EQ(allocations() - before, kept);
 }
 
-// More than are looked up without a lock (entry/device.cpp), made and destroyed in turns.
+// More devices than are looked up without a lock (entry/device.cpp), created and destroyed in turns.
 TEST(DeviceScale, TwentyDevicesAtATime)
 {
     std::vector<std::unique_ptr<Gpu>> gpus(20);

@@ -102,7 +102,7 @@ TEST_F(PipelineScale, HundredsOfLibraries)
             some.libraries.resize(part);
             timed("link" + std::to_string(part), 2, [&](size_t) { linked.emplace_back(gpu, some); });
         }
-        // Of the application's groups and of no other, each has a handle, and none is null.
+        // Only groups of the application have handles, each has one, and none is null.
         const std::vector<uint8_t> handles = linked.back().groupHandles(0, static_cast<uint32_t>(2 + count));
         const size_t size = handles.size() / (2 + count);
         const std::vector<uint8_t> null(size);
@@ -114,7 +114,7 @@ TEST_F(PipelineScale, HundredsOfLibraries)
     scene_->expect(tracer, 0);
 }
 
-// As shaders that are changed while an engine runs.
+// As in an engine that reloads shaders while it runs.
 TEST_F(PipelineScale, HotReload)
 {
     PipelineTracer kept(gpu());
@@ -132,7 +132,7 @@ TEST_F(PipelineScale, HotReload)
         query.emplace(gpu(), modules[i % std::size(modules)]);
         pipeline.emplace(gpu());
     });
-    if (kResidentTells) {
+    if (kResidentIsMeaningful) {
         EXPECT_LT(Footprint::now().resident, warm + (8 << 20));
     }
     EXPECT_EQ(allocations(), warmAllocations);

@@ -25,7 +25,8 @@ inline size_t scaled(size_t count)
     return setting != nullptr && std::string(setting) == "full" ? 10 * count : count;
 }
 
-// Of device memory, below Vellum's layer: a device may have as few as 4096 at a time (maxMemoryAllocationCount).
+// Allocations of device memory, below Vellum's layer: a device may allow as few as 4096 at a time
+// (maxMemoryAllocationCount).
 inline uint64_t allocations()
 {
     static const auto count = testDriverFunction<uint64_t (*)()>("vellumSpyAllocations");

@@ -38,7 +38,7 @@ void main()
 #endif
 
 #ifdef MESH
-// As many points as there are groups, each at the place that its group has in the grid.
+// One point for each workgroup, at the position of the group in the grid.
 layout(local_size_x = 1) in;
 layout(points, max_vertices = 1, max_primitives = 1) out;
 layout(location = 0) flat out uint number[];

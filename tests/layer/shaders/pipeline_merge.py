@@ -14,7 +14,7 @@ def ids(line):
     return re.findall(r"%\w+", line)
 
 
-# One variable for each built-in.
+# Keeps one variable for each built-in.
 first, same = {}, {}
 for line in lines:
     match = re.match(r"\s*OpDecorate (%\w+) BuiltIn (\w+)$", line)

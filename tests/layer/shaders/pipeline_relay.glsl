@@ -21,7 +21,7 @@ struct Step {
     uint flagsAfter;
     uint candidates;
     uint bad;      // any-hit shaders that read wrong ray flags or payload
-    uint callable; // what the callable shaders returned
+    uint callable; // returned by the callable shaders
     float t;
     uint below; // steps after this one, counted through the payloads
     uint queryCandidates;
@@ -57,7 +57,7 @@ struct Payload {
 
 #if defined(OTHER_PAYLOAD)
 
-// Of rays that nobody traces.
+// Payloads of rays that are never traced.
 layout(location = 0) rayPayloadInEXT uvec4 many[16];
 
 void main()

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #version 460
-// Writes down the push constants that it gets beside those of ray tracing shaders.
+// Stores the push constants that it receives when ray tracing shaders have some as well.
 layout(local_size_x = 48) in;
 layout(binding = 0, std430) writeonly buffer Seen { uint seen[]; };
 layout(push_constant) uniform Push

@@ -10,7 +10,7 @@ layout(binding = 2, std430) writeonly buffer Results { Result results[]; };
 #define DIRECTION(ray) vec3(ray.direction[0], ray.direction[1], ray.direction[2])
 #define START(query, ray)                                                                                              \
     rayQueryInitializeEXT(query, scene, ray.flags, ray.cullMask, ORIGIN(ray), ray.tMin, DIRECTION(ray), ray.tMax)
-// What follows each candidate. The custom index of a candidate and that of a committed hit come from different places.
+// The work for each candidate. The custom indices of candidates and of committed hits have different sources.
 #define VISIT(query, ray, count)                                                                                       \
     ++count;                                                                                                           \
     if (ray.rule == 1u) {                                                                                              \

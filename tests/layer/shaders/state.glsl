@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #version 460
-// Writes down the push constants and the buffers it sees, so that a test can tell whether the application's state survived.
+// Stores the push constants and buffers that it reads, so that a test can check that the application's state is
+// preserved.
 #ifdef VERTEX
 #define FIRST 64u
 #else

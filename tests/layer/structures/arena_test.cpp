@@ -47,7 +47,7 @@ protected:
     ArenaTest() : GpuTest({.memory = Memory::PackedToTheEnd}) {}
 };
 
-TEST_F(ArenaTest, HandlesReachToTheEndOfTheBufferOrAPartOfTheWay)
+TEST_F(ArenaTest, HandlesReachToTheEndOfTheBufferOrLess)
 {
     std::vector<std::unique_ptr<Guarded>> all;
     for (const VkDeviceSize size : {1000u, 1250u, 1000u, 1250u, 1000u, 1250u})
@@ -64,7 +64,7 @@ TEST_F(ArenaTest, HandlesReachToTheEndOfTheBufferOrAPartOfTheWay)
     EXPECT_GT(ends.rbegin()->second, 1); // the others at the end
 }
 
-TEST_F(ArenaTest, WhatAnOperationMayNotWriteToIsCompared)
+TEST_F(ArenaTest, ProtectedBytesAreCompared)
 {
     const Guarded a(gpu(), 64, 4, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
     const Guarded b(gpu(), 64, 4, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);

@@ -29,8 +29,8 @@ constexpr VkBuildAccelerationStructureFlagsKHR kCompactable = VK_BUILD_ACCELERAT
 
 using BottomCopies = Copies;
 
-// With VK_EXT_opacity_micromap serialized data holds the data of the micromaps; with VK_KHR_opacity_micromap it names
-// them, which structure_blocks_test.cpp is about.
+// With VK_EXT_opacity_micromap serialized data contains the data of the micromaps; with VK_KHR_opacity_micromap it
+// names them (structure_blocks_test.cpp).
 class BottomCopiesExt : public Copies
 {
 protected:
@@ -39,7 +39,7 @@ protected:
 
 TEST_F(BottomCopies, PatchworkShowsEverything)
 {
-    // The scene that the other tests compare must be able to tell things apart.
+    // The scene that the other tests compare must show differences.
     const Patchwork patchwork(gpu()), other(gpu(), 2);
     const auto first = seenOf(gpu(), Blas(gpu(), patchwork.geometries()));
     const std::set<std::string> kinds(first.begin(), first.end());
@@ -82,7 +82,7 @@ TEST_F(BottomCopies, IntoALargerStructure)
     EXPECT_EQ(seenOf(gpu(), *second), seenOf(gpu(), source));
 }
 
-// What counts is the order of execution.
+// The order of execution decides.
 TEST_F(BottomCopies, RecordedBeforeTheBuild)
 {
     const Patchwork patchwork(gpu());
@@ -97,7 +97,7 @@ TEST_F(BottomCopies, RecordedBeforeTheBuild)
     EXPECT_EQ(seenOf(gpu(), *target), seenOf(gpu(), source));
 }
 
-TEST_F(BottomCopies, OneRecordingFollowsWhatIsBuilt)
+TEST_F(BottomCopies, OneRecordingFollowsRebuilds)
 {
     const Patchwork patchwork(gpu()), other(gpu(), 2);
     Blas source(gpu(), patchwork.geometries());
@@ -188,7 +188,7 @@ TEST_F(BottomCopiesExt, SerializedDataCarriesTheMicromaps)
     first->create(data.deserializedSize());
     deserialize(gpu(), data, *first);
     EXPECT_EQ(seenOf(gpu(), *first), expected);
-    // And on: clones of it, and serialized again.
+    // Clones of it, and its serialized data.
     const auto second = made(kBottom, first->size());
     copy(gpu(), *first, *second);
     const auto third = made(kBottom, first->size());
@@ -206,7 +206,7 @@ TEST_F(BottomCopiesExt, SerializedDataCarriesTheMicromaps)
     EXPECT_EQ(seenOf(gpu(), *fourth), expected);
 }
 
-// What vkCmdWriteAccelerationStructuresPropertiesKHR tells is what is needed, exactly.
+// The value of vkCmdWriteAccelerationStructuresPropertiesKHR is exactly the size that is needed.
 TEST_F(BottomCopies, QueriedSizes)
 {
     const Patchwork patchwork(gpu());
@@ -269,7 +269,7 @@ TEST_F(BottomCopies, SerializedPlainStructures)
 {
     const Blas source(gpu(), plain());
     const Serialized data = serialize(gpu(), source);
-    // Over a structure with micromaps, which must be gone then.
+    // Over a structure with micromaps, which must not be used afterwards.
     const Patchwork patchwork(gpu());
     Blas target(gpu(), patchwork.geometries());
     ASSERT_GE(target.size(), data.deserializedSize());
@@ -357,7 +357,7 @@ TEST_F(BottomCopies, GenericStructures)
     EXPECT_EQ(seenOf(gpu(), *loaded), expected);
     if (gpu().khr())
         return;
-    // Larger ones will do: where there are no micromaps of VK_KHR_opacity_micromap, that is no size of theirs.
+    // A larger structure is valid: without micromaps of VK_KHR_opacity_micromap, the size does not mean a micromap.
     const auto larger = made(kGeneric, data.deserializedSize() + 64);
     deserialize(gpu(), data, *larger);
     EXPECT_EQ(seenOf(gpu(), *larger), expected);

@@ -30,9 +30,9 @@ const vt::Labels kLabels{{"CaptureReplay.*", "slow unforced unpacked"}};
 constexpr const char *kFile = "VELLUM_TEST_CAPTURED"; // the file of a capture
 constexpr const char *kReplays = "VELLUM_TEST_REPLAYS";
 constexpr const char *kDriver = "capable,replay";
-constexpr VkDeviceSize kRoom = VkDeviceSize{1} << 20; // of a structure
+constexpr VkDeviceSize kBytes = VkDeviceSize{1} << 20; // of a structure
 
-// What a capture tool keeps: addresses and bytes, in the order of use.
+// The record of a capture tool: addresses and bytes, in the order of use.
 class Captured
 {
 public:
@@ -126,7 +126,7 @@ public:
             {.createFlags = VK_ACCELERATION_STRUCTURE_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_KHR,
              .buffer = buffer_,
              .offset = offset,
-             .size = kRoom,
+             .size = kBytes,
              .type = type,
              .deviceAddress = earlier});
         return gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &info, nullptr, &structure);
@@ -150,8 +150,8 @@ public:
         const auto type = std::is_same_v<Scene, Tlas> ? VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR
                                                       : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
         VT_CHECK(place.create(offset, type, captured.earlier(), replayed_));
-        const auto ask = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = replayed_});
-        address_ = gpu.vk().GetAccelerationStructureDeviceAddressKHR(gpu.device(), &ask);
+        const auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = replayed_});
+        address_ = gpu.vk().GetAccelerationStructureDeviceAddressKHR(gpu.device(), &query);
         EXPECT_EQ(captured.kept(address_), address_);
     }
     ~Replayed() override { device_.vk().DestroyAccelerationStructureKHR(device_.device(), replayed_, nullptr); }
@@ -169,7 +169,7 @@ public:
         });
     }
     [[nodiscard]] VkAccelerationStructureKHR replayed() const { return replayed_; }
-    // Of the first process.
+    // An instance of a BLAS of the first process.
     [[nodiscard]] VkAccelerationStructureInstanceKHR at(Vec3 place, uint32_t index) const
     {
         VkAccelerationStructureInstanceKHR one = instance(*this, place, index);
@@ -197,18 +197,19 @@ TEST(CaptureReplayRun, DISABLED_Run)
 {
     Captured captured(std::getenv(kFile), std::getenv(kReplays) != nullptr);
     Gpu gpu(Options{.validation = false, .quirks = kDriver});
-    // What a replaying process has made already, so that the layer's own addresses and slots are not the earlier ones.
+    // Objects that the replaying process has created before, so that the layer's own addresses and slots differ from
+    // those of the capture.
     std::vector<std::unique_ptr<Tlas>> others;
     const Patchwork other(gpu, 7);
     const Blas otherBlas(gpu, other.geometries());
     for (int i = 0; captured.replays() && i < 3; ++i)
         others.push_back(std::make_unique<Tlas>(gpu, std::vector{instance(otherBlas, {}, 9)}));
 
-    const Place place(gpu, captured, 4 * kRoom);
+    const Place place(gpu, captured, 4 * kBytes);
     const Patchwork first(gpu, 1), second(gpu, 2);
-    Replayed<Blas> blas(gpu, place, 0, captured), updated(gpu, place, kRoom, captured),
-        clone(gpu, place, 2 * kRoom, captured);
-    Replayed<Tlas> tlas(gpu, place, 3 * kRoom, captured);
+    Replayed<Blas> blas(gpu, place, 0, captured), updated(gpu, place, kBytes, captured),
+        clone(gpu, place, 2 * kBytes, captured);
+    Replayed<Tlas> tlas(gpu, place, 3 * kBytes, captured);
     blas.prepare(first.geometries());
     blas.build();
     updated.prepare(second.geometries(), VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR);
@@ -237,16 +238,16 @@ TEST(CaptureReplay, AnotherAddress)
 {
     Gpu gpu(Options{.validation = false, .quirks = kDriver});
     Captured none("/dev/null", false);
-    const Place place(gpu, none, 2 * kRoom);
+    const Place place(gpu, none, 2 * kBytes);
     VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
     constexpr auto kType = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
-    EXPECT_EQ(place.create(0, kType, gpu.address(place.buffer()) + kRoom, structure),
+    EXPECT_EQ(place.create(0, kType, gpu.address(place.buffer()) + kBytes, structure),
               VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS);
-    ASSERT_EQ(place.create(kRoom, kType, gpu.address(place.buffer()) + kRoom, structure), VK_SUCCESS);
+    ASSERT_EQ(place.create(kBytes, kType, gpu.address(place.buffer()) + kBytes, structure), VK_SUCCESS);
     gpu.vk().DestroyAccelerationStructureKHR(gpu.device(), structure, nullptr);
 }
 
-TEST(CaptureReplay, InAnotherProcess)
+TEST(CaptureReplay, AnotherProcess)
 {
     namespace fs = std::filesystem;
     const fs::path folder = fs::temp_directory_path() / ("vellum-capture-" + std::to_string(getpid()));

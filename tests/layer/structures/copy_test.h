@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What tests of copies of acceleration structures share.
+// Shared by the tests of copies of acceleration structures.
 #pragma once
 
 #include <memory>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What of this process can grow.
+// The resources of this process that could grow.
 #pragma once
 
 #include <cstdint>
@@ -29,9 +29,9 @@ struct Footprint {
 
 // The address sanitizer keeps what is freed for a while.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-inline constexpr bool kResidentTells = false;
+inline constexpr bool kResidentIsMeaningful = false;
 #else
-inline constexpr bool kResidentTells = true;
+inline constexpr bool kResidentIsMeaningful = true;
 #endif
 
 } // namespace vt

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a triangle of a geometry to its micromap: index buffers, strides, base triangles, special indices, null
-// micromaps, geometries of all kinds in one structure, and all forms of a micromap's input.
+// The lookup from a triangle of a geometry to its micromap: index buffers, strides, base triangles, special indices,
+// null micromaps, geometries of all kinds in one structure, and all forms of a micromap's input.
 #include "check/oracle/outcome.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
@@ -19,7 +19,7 @@ class Index : public GpuTest
 protected:
     Index() : GpuTest({.shared = true}) {}
 
-    // Each triangle of a row (see triangleRow), in the order of its geometry, is one state all over.
+    // Each triangle of a row (see triangleRow), in the order of its geometry, has one state all over.
     struct Row {
         uint32_t geometry;
         float y;
@@ -82,7 +82,7 @@ protected:
     }
 };
 
-TEST_F(Index, WithoutIndexBuffer)
+TEST_F(Index, NoIndexBuffer)
 {
     const auto micromap = eightTriangles();
     Geometry geometry = rowOf(8);
@@ -90,7 +90,7 @@ TEST_F(Index, WithoutIndexBuffer)
     expectRows(Blas(gpu(), {geometry}), {{0, 0, {0, 1, 2, 3, 0, 1, 2, 3}}});
 }
 
-TEST_F(Index, WithoutIndexBufferBaseTriangle)
+TEST_F(Index, NoIndexBufferBaseTriangle)
 {
     const auto micromap = eightTriangles();
     Geometry geometry = rowOf(5);
@@ -324,7 +324,7 @@ TEST_F(Index, EmptyGeometryAndEmptyMicromap)
     expectRows(Blas(gpu(), {empty, full}), {{1, 2, {0, 1, 2, 3}}});
 }
 
-TEST_F(Index, BoxesBesideMicromaps)
+TEST_F(Index, BoxesAndMicromaps)
 {
     const auto micromap = eightTriangles();
     Geometry triangles = rowOf(8);

@@ -15,16 +15,16 @@ protected:
     StructureAddresses() : GpuTest({.quirks = "elsewhere"}) {}
 };
 
-// Two handles for one content, with an address each: instances may name either.
+// Two structures with one content and an address each: instances may name either.
 TEST_F(StructureAddresses, TwoAtOneAddress)
 {
     const Patchwork patchwork(gpu());
-    const Buffer room(gpu(), 65536, gpu().structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    const Buffer buffer(gpu(), 65536, gpu().structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     for (const bool genericFirst : {false, true}) {
         Blas blas(gpu());
         Structure generic(gpu(), VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR);
-        blas.placeIn(room.handle(), 256);
-        generic.placeIn(room.handle(), 256);
+        blas.placeIn(buffer.handle(), 256);
+        generic.placeIn(buffer.handle(), 256);
         if (genericFirst)
             generic.create(32768);
         blas.build(patchwork.geometries());
@@ -43,24 +43,24 @@ TEST_F(StructureAddresses, OneThatIsReused)
 {
     const Patchwork first(gpu(), 1), second(gpu(), 2);
     const VkBufferUsageFlags usage = gpu().structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
-    const Buffer room(gpu(), 65536, usage), other(gpu(), 65536, usage);
+    const Buffer buffer(gpu(), 65536, usage), other(gpu(), 65536, usage);
     const auto expectedFirst = seenOf(gpu(), Blas(gpu(), first.geometries()));
     const auto expectedSecond = seenOf(gpu(), Blas(gpu(), second.geometries()));
     ASSERT_NE(expectedFirst, expectedSecond);
-    // Whether the address of the one that stays was queried before the other was gone.
-    for (const bool asked : {false, true}) {
+    // The address of the remaining one is queried before or after the other is destroyed.
+    for (const bool isQueried : {false, true}) {
         auto gone = std::make_unique<Blas>(gpu());
-        gone->placeIn(room.handle(), 256);
+        gone->placeIn(buffer.handle(), 256);
         gone->build(first.geometries());
         const VkDeviceAddress address = gone->address();
-        auto info = vkInit<VkAccelerationStructureCreateInfoKHR>({.buffer = room.handle(),
+        auto info = vkInit<VkAccelerationStructureCreateInfoKHR>({.buffer = buffer.handle(),
                                                                   .offset = 256,
                                                                   .size = 32768,
                                                                   .type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR});
         VkAccelerationStructureKHR stays = VK_NULL_HANDLE;
         VT_CHECK(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &stays));
         auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = stays});
-        if (asked)
+        if (isQueried)
             gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &query);
         gone.reset();
 
@@ -77,41 +77,41 @@ TEST_F(StructureAddresses, OneThatIsReused)
     }
 }
 
-// Objects are destroyed in any order: where the buffer goes first, the driver is not asked about what lay in it.
-TEST_F(StructureAddresses, OnesWhoseBufferIsGone)
+// Objects may be destroyed in any order: after the buffer, the driver is not called for structures in it.
+TEST_F(StructureAddresses, DestroyedBuffer)
 {
-    auto room =
+    auto buffer =
         std::make_unique<Buffer>(gpu(), 65536, gpu().structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     auto info = vkInit<VkAccelerationStructureCreateInfoKHR>(
-        {.buffer = room->handle(), .size = 32768, .type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR});
-    VkAccelerationStructureKHR asked = VK_NULL_HANDLE, never = VK_NULL_HANDLE;
-    VT_CHECK(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &asked));
+        {.buffer = buffer->handle(), .size = 32768, .type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR});
+    VkAccelerationStructureKHR queried = VK_NULL_HANDLE, never = VK_NULL_HANDLE;
+    VT_CHECK(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &queried));
     VT_CHECK(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &never));
-    auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = asked});
+    auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = queried});
     EXPECT_NE(gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &query), 0u);
-    room.reset();
-    gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), asked, nullptr);
+    buffer.reset();
+    gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), queried, nullptr);
     gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), never, nullptr);
 }
 
-// What was built at a place stays there, also while nothing lives there that has an address of the driver's.
+// Content stays at an address, also while no structure with an address of the driver exists there.
 TEST(StructureAddressesKhr, OneThatIsMadeAgain)
 {
     Gpu gpu({.quirks = "elsewhere", .api = Api::Khr});
     const Patchwork patchwork(gpu);
     const auto expected = seenOf(gpu, Blas(gpu, patchwork.geometries()));
-    const Buffer room(gpu, 65536, gpu.structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    const Buffer buffer(gpu, 65536, gpu.structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     auto gone = std::make_unique<Blas>(gpu);
-    gone->placeIn(room.handle(), 256);
+    gone->placeIn(buffer.handle(), 256);
     gone->build(patchwork.geometries());
     const VkDeviceSize size = gone->size();
     auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
-        {.addressRange = {room.address() + 256, 256}, .type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR});
+        {.addressRange = {buffer.address() + 256, 256}, .type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR});
     VkAccelerationStructureKHR micromap = VK_NULL_HANDLE;
     VT_CHECK(gpu.vk().CreateAccelerationStructure2KHR(gpu.device(), &info, nullptr, &micromap));
     gone.reset();
     Blas again(gpu);
-    again.placeIn(room.handle(), 256);
+    again.placeIn(buffer.handle(), 256);
     again.create(size);
     EXPECT_EQ(seenOf(gpu, again), expected);
     gpu.vk().DestroyAccelerationStructureKHR(gpu.device(), micromap, nullptr);
@@ -119,16 +119,16 @@ TEST(StructureAddressesKhr, OneThatIsMadeAgain)
         ADD_FAILURE() << m.id << ": " << m.text;
 }
 
-// The same memory, whatever their addresses are.
+// Both are the same memory, even if their addresses differ.
 TEST_F(StructureAddresses, CopyToItself)
 {
     const Patchwork patchwork(gpu());
-    const Buffer room(gpu(), 65536, gpu().structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    const Buffer buffer(gpu(), 65536, gpu().structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     Blas blas(gpu());
     Structure generic(gpu(), VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR);
-    blas.placeIn(room.handle(), 256);
+    blas.placeIn(buffer.handle(), 256);
     blas.build(patchwork.geometries());
-    generic.placeIn(room.handle(), 256);
+    generic.placeIn(buffer.handle(), 256);
     generic.create(32768);
     copy(gpu(), blas, generic);
     bool rejected = false;

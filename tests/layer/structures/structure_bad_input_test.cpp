@@ -19,7 +19,7 @@ using namespace vt;
 constexpr auto kBottom = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
 constexpr auto kTop = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
 
-// Without the validation layer, which would have messages of its own for what is wrong on purpose.
+// Without the validation layer, which would report the deliberate errors, too.
 class BadCopies : public GpuTest
 {
 protected:
@@ -48,12 +48,12 @@ protected:
     void expectFinding(const std::string &rule)
     {
         gpu().submit([](VkCommandBuffer) {});
-        bool complained = false;
+        bool isReported = false;
         for (const Message &m : gpu().takeUnexpectedMessages()) {
             EXPECT_TRUE(m.fromVellum() && m.id.find(rule) != std::string::npos) << m.id << ": " << m.text;
-            complained = true;
+            isReported = true;
         }
-        EXPECT_TRUE(complained) << "no message of " << rule;
+        EXPECT_TRUE(isReported) << "no message of " << rule;
     }
 
     std::unique_ptr<Structure> made(VkAccelerationStructureTypeKHR type, VkDeviceSize size)
@@ -70,7 +70,7 @@ protected:
         });
     }
 
-    // Nothing is to be seen, and tracing does no harm.
+    // The structure appears empty, and tracing it is harmless.
     void expectNothing(const Structure &structure, bool top)
     {
         const auto seenNow = top ? seen(gpu(), structure, Patchwork::rays()) : seenOf(gpu(), structure);
@@ -97,7 +97,7 @@ TEST_F(BadCopies, Handles)
 TEST_F(BadCopies, Modes)
 {
     const auto target = made(kBottom, serialize(gpu(), *source_).deserializedSize());
-    // There is one thing that each command can do, and a copy clones.
+    // With an invalid mode a copy clones; the other commands have only one possible mode.
     for (const int mode : {2, 3, 7, 0x7fffffff}) {
         const auto clone = made(kBottom, source_->size());
         copyWith(source_->handle(), clone->handle(), mode);
@@ -169,10 +169,10 @@ TEST_F(BadCopies, TargetsThatAreTooSmall)
     const auto half = made(kBottom, source_->size() / 2 / 256 * 256);
     copyWith(source_->handle(), half->handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR);
     expectFinding("mode-12418");
-    // In a buffer that has the rest: lavapipe 26 writes all of a compacted copy, whatever there is space for.
-    const Buffer room(gpu(), source_->size(), gpu().structureUsage());
+    // In a buffer with enough memory: lavapipe 26 writes all of a compacted copy, whatever the size of the structure.
+    const Buffer buffer(gpu(), source_->size(), gpu().structureUsage());
     const auto tiny = std::make_unique<Structure>(gpu(), kBottom);
-    tiny->placeIn(room.handle(), 0);
+    tiny->placeIn(buffer.handle(), 0);
     tiny->create(256);
     copyWith(source_->handle(), tiny->handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
     expectFinding("mode-12419");
@@ -259,7 +259,7 @@ TEST_F(BadCopies, ForeignData)
         expectFinding("VkCopyMemoryToAccelerationStructureInfoKHR-pInfo-03414");
         expectNothing(*target, false);
     }
-    // What the driver alone has serialized, in which the driver would find what it knows.
+    // Data that the driver serialized without the layer, which it would accept.
     Gpu without({.vellum = false, .validation = false, .micromaps = false});
     const Blas plain(without, {Geometry{.vertices = triangleRow(6)}});
     deserialize(gpu(), serialize(without, plain), *target);

@@ -57,7 +57,7 @@ protected:
         gpu().submit(
             [&](VkCommandBuffer commands) { recordCopy(gpu(), commands, from.handle().khr, to.handle().khr); });
     }
-    // What the messages that came are about; none other may have come.
+    // The ids of the unexpected messages.
     std::vector<std::string> ids()
     {
         std::vector<std::string> out;
@@ -77,7 +77,7 @@ TEST_F(StructureBlocks, HeaderNamesTheMicromaps)
     EXPECT_EQ(blocks.format(), 0xffffffffu);
     ASSERT_EQ(blocks.count(), 1u);
     EXPECT_EQ(blocks.type(), VK_ACCELERATION_STRUCTURE_SERIALIZED_BLOCK_TYPE_OPACITY_MICROMAP_KHR);
-    // Of the patchwork's geometries three have a micromap: the first, and two the second.
+    // Three geometries of the patchwork have a micromap: one the first, and two the second.
     std::vector<uint64_t> expected;
     for (const Geometry &geometry : patchwork.geometries()) {
         if (geometry.micromap && geometry.micromap->micromap != nullptr)
@@ -88,7 +88,7 @@ TEST_F(StructureBlocks, HeaderNamesTheMicromaps)
         EXPECT_EQ(blocks.address(i), expected[i]);
 }
 
-TEST_F(StructureBlocks, WithoutMicromapsThereAreNoBlocks)
+TEST_F(StructureBlocks, NoMicromapsNoBlocks)
 {
     const Blas plain(gpu(), {Geometry{.vertices = triangleRow(6)}});
     Serialized data = serialize(gpu(), plain);
@@ -108,7 +108,7 @@ TEST_F(StructureBlocks, SameAddresses)
     EXPECT_EQ(seenOf(gpu(), *back), seenOf(gpu(), blas));
 }
 
-// What was made last in a micromap's memory is not what lies there.
+// A handle that is created later over a micromap's memory does not change its content.
 TEST_F(StructureBlocks, SmallerMicromapInTheSameMemory)
 {
     const Patchwork patchwork(gpu());
@@ -146,7 +146,7 @@ TEST_F(StructureBlocks, OtherAddresses)
     }
     EXPECT_EQ(seenOf(gpu(), *back), expected);
 
-    // What was deserialized names the micromaps that it has now.
+    // Serialized again, the data names the current micromaps.
     Serialized again = serialize(gpu(), *back);
     const Blocks second(again);
     ASSERT_EQ(second.addresses(), blocks.addresses());
@@ -198,7 +198,7 @@ TEST_F(StructureBlocks, AddressesOfNoMicromap)
     }
 }
 
-// The key of a deleted entry in the table of what there is (core/records.h) is no address, either.
+// The key of a deleted entry in the table of addresses (core/records.h) is not a valid address.
 TEST_F(StructureBlocks, AddressThatMarksDeletedEntries)
 {
     using namespace vellum::shared;
@@ -227,7 +227,7 @@ TEST_F(StructureBlocks, AddressThatMarksDeletedEntries)
     }
     ASSERT_EQ(structures.size(), 3u);
     {
-        // What they leave is used again first.
+        // Descriptors of destroyed structures are reused first.
         const Blas other(gpu(), {Geometry{.vertices = triangleRow(1)}}), another(gpu(), patchwork.geometries());
         gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), structures[0], nullptr);
     }
@@ -296,7 +296,7 @@ TEST_F(StructureBlocks, MicromapThatIsTooSmall)
     EXPECT_EQ(ids(), std::vector<std::string>{"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585"});
 }
 
-// VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-11583, and headers that are none: rejected whole.
+// VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-11583, and invalid headers: the whole copy is rejected.
 TEST_F(StructureBlocks, DamagedHeaders)
 {
     const Patchwork patchwork(gpu());

@@ -17,7 +17,7 @@ constexpr auto kTop = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
 
 void expectFlat(uint64_t before, uint64_t spare)
 {
-    if (kResidentTells) {
+    if (kResidentIsMeaningful) {
         EXPECT_LT(Footprint::now().resident, before + spare);
     }
 }
@@ -83,7 +83,7 @@ TEST_F(Churn, TopAndBottomInTheSameMemory)
     }
 }
 
-// More structures than a table has space for at once, and far more than that one after the other.
+// More structures than a table has capacity for at once, and far more in total.
 TEST_F(Churn, ManyStructures)
 {
     const Buffer memory(gpu(), 16 << 20, gpu().structureUsage());

@@ -18,27 +18,27 @@ constexpr uint8_t kUntouched = 0x5a;
 class StructureLocations : public Copies
 {
 protected:
-    static constexpr VkDeviceSize kRoomBytes = 1 << 20;
+    static constexpr VkDeviceSize kBytes = 1 << 20;
 
     StructureLocations()
-        : room_(gpu(), kRoomBytes, 256,
-                VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT)
+        : memory_(gpu(), kBytes, 256,
+                  VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT)
     {
-        std::memset(room_.bytes(), kUntouched, kRoomBytes);
+        std::memset(memory_.bytes(), kUntouched, kBytes);
     }
     std::unique_ptr<Structure> placed(VkDeviceSize offset, VkDeviceSize size,
                                       VkAccelerationStructureTypeKHR type = kGeneric)
     {
         auto structure = std::make_unique<Structure>(gpu(), type);
-        structure->placeIn(room_.buffer(), room_.offset() + offset);
+        structure->placeIn(memory_.buffer(), memory_.offset() + offset);
         structure->create(size);
         return structure;
     }
-    std::unique_ptr<Structure> toTheEnd(VkDeviceSize offset) { return placed(offset, kRoomBytes - offset); }
+    std::unique_ptr<Structure> toTheEnd(VkDeviceSize offset) { return placed(offset, kBytes - offset); }
     void expectUntouchedFrom(VkDeviceSize offset) const
     {
-        for (VkDeviceSize i = offset; i < kRoomBytes; ++i)
-            ASSERT_EQ(room_.bytes()[i], kUntouched) << "byte " << i << ", " << i - offset << " behind the structure";
+        for (VkDeviceSize i = offset; i < kBytes; ++i)
+            ASSERT_EQ(memory_.bytes()[i], kUntouched) << "byte " << i << ", " << i - offset << " behind the structure";
     }
     std::vector<std::string> seenIn(const Structure &scene)
     {
@@ -46,10 +46,10 @@ protected:
         return seen(gpu(), scene, rays);
     }
 
-    Guarded room_;
+    Guarded memory_;
 };
 
-// The size is no longer one of those that tell what is meant.
+// The size no longer identifies the kind of structure.
 TEST_F(StructureLocations, DataOfEitherLevelIntoHandlesOfAnySize)
 {
     const Patchwork patchwork(gpu());
@@ -62,16 +62,16 @@ TEST_F(StructureLocations, DataOfEitherLevelIntoHandlesOfAnySize)
         const VkDeviceSize least = data.deserializedSize();
         for (const VkDeviceSize more : {0u, 16u, 64u, 128u, 192u, 65536u}) {
             SCOPED_TRACE(std::to_string(top) + " + " + std::to_string(more));
-            std::memset(room_.bytes(), kUntouched, kRoomBytes);
+            std::memset(memory_.bytes(), kUntouched, kBytes);
             const auto loaded = placed(256, least + more);
             deserialize(gpu(), data, *loaded);
             EXPECT_EQ(top ? seenIn(*loaded) : seenOf(gpu(), *loaded), expected);
             expectUntouchedFrom(256 + least);
             // Copies know by now what it is.
-            const auto clone = toTheEnd(kRoomBytes / 2);
+            const auto clone = toTheEnd(kBytes / 2);
             copy(gpu(), *loaded, *clone);
             EXPECT_EQ(top ? seenIn(*clone) : seenOf(gpu(), *clone), expected);
-            expectUntouchedFrom(kRoomBytes / 2 + least);
+            expectUntouchedFrom(kBytes / 2 + least);
         }
     }
 }
@@ -85,7 +85,7 @@ TEST_F(StructureLocations, DamagedDataIntoALargeHandle)
     const auto loaded = toTheEnd(256);
     deserialize(gpu(), data, *loaded);
     EXPECT_EQ(seenOf(gpu(), *loaded), std::vector<std::string>(Patchwork::rays().size()));
-    gpu().submit([](VkCommandBuffer) {}); // what shaders found wrong is reported with the next commands
+    gpu().submit([](VkCommandBuffer) {}); // findings of shaders are reported with the next commands
     const auto messages = gpu().takeUnexpectedMessages();
     ASSERT_EQ(messages.size(), 1u);
     EXPECT_EQ(messages[0].id, "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960");
@@ -100,19 +100,19 @@ TEST_F(StructureLocations, SeveralHandlesForOneContent)
     auto first = toTheEnd(256);
     const auto second = placed(256, source.size());
     copy(gpu(), source, *first);
-    // Neither the one that was written by nor the one that is read by need be there for the content.
+    // The content does not depend on the handles by which it was written and read.
     EXPECT_EQ(seenOf(gpu(), *second), expected);
     first.reset();
     EXPECT_EQ(seenOf(gpu(), *second), expected);
     const auto third = toTheEnd(256);
-    const auto clone = toTheEnd(kRoomBytes / 2);
+    const auto clone = toTheEnd(kBytes / 2);
     copy(gpu(), *third, *clone);
     EXPECT_EQ(seenOf(gpu(), *clone), expected);
     EXPECT_EQ(queried(gpu(), *third, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR),
               queried(gpu(), source, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR));
 }
 
-// As an engine does it that compacts what it updates later: the copies lie side by side.
+// As in an engine that compacts structures which it updates later: the copies are adjacent in memory.
 TEST_F(StructureLocations, UpdatesOfPackedCompactedStructures)
 {
     constexpr VkBuildAccelerationStructureFlagsKHR kFlags =
@@ -172,13 +172,13 @@ TEST_F(StructureLocations, TheSameDataTwice)
     for (int round = 0; round < 2; ++round) {
         SCOPED_TRACE(round);
         deserialize(gpu(), data, *loaded);
-        const auto clone = toTheEnd(kRoomBytes / 2);
+        const auto clone = toTheEnd(kBytes / 2);
         copy(gpu(), *loaded, *clone);
         EXPECT_EQ(seenIn(*clone), expected);
     }
 }
 
-// As one does that is not used any more and not destroyed yet.
+// As with a structure that is no longer used but not yet destroyed.
 TEST_F(StructureLocations, TopLevelDataWhereAnotherHandleBegins)
 {
     const Patchwork patchwork(gpu());
@@ -191,8 +191,8 @@ TEST_F(StructureLocations, TopLevelDataWhereAnotherHandleBegins)
     EXPECT_EQ(seenIn(*loaded), seenIn(tlas));
 }
 
-// Every count is another size, and another handle of the driver's.
-TEST_F(StructureLocations, ManySizesBesideANeighbour)
+// Every count has another size, and another handle of the driver.
+TEST_F(StructureLocations, ManySizesNextToANeighbour)
 {
     constexpr size_t kCounts = 80;
     const Patchwork patchwork(gpu());
@@ -204,7 +204,7 @@ TEST_F(StructureLocations, ManySizesBesideANeighbour)
         SCOPED_TRACE(count);
         Tlas tlas(gpu());
         tlas.prepare(std::vector<VkAccelerationStructureInstanceKHR>(count, instance(blas, {}, 77)));
-        // Behind it, as near as it may be.
+        // As close behind it as possible.
         const auto neighbour = toTheEnd((256 + tlas.size() + 255) / 256 * 256);
         copy(gpu(), source, *neighbour);
         VkAccelerationStructureBuildGeometryInfoKHR info = tlas.buildInfo();

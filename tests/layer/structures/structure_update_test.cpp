@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Updates of acceleration structures with micromaps: VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR with each of the
 // extension's flags, in place and into another structure, and of copies.
-#include "gpu/copies.h"
 #include "check/oracle/outcome.h"
+#include "gpu/copies.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
 
@@ -64,7 +64,7 @@ protected:
 
     static std::vector<Geometry> moved(std::vector<Geometry> geometries)
     {
-        // Each row to where another one was.
+        // Moves each row to the position of another one.
         for (size_t g = 0; g < geometries.size(); ++g) {
             for (Vec3 &vertex : geometries[g].vertices)
                 vertex[1] += g % 2 == 0 ? 2.0f : -2.0f;
@@ -93,7 +93,7 @@ TEST_F(Updates, OtherMicromaps)
     blas.build(other.geometries(), kMicromapUpdate, kUpdate);
     EXPECT_EQ(seenOf(gpu(), blas), fresh(other.geometries()));
     EXPECT_NE(seenOf(gpu(), blas), fresh(patchwork.geometries()));
-    // Other indices, of another micromap of another size, and a base triangle.
+    // Other indices, another micromap of another size, and a base triangle.
     auto changed = patchwork.geometries();
     changed[0].micromap = Attachment{&other.micromap(1), VK_INDEX_TYPE_UINT32, {-1, 2, 3, -4, 5, 0}, {}, 4};
     changed[2].micromap = Attachment{&other.micromap(0)};
@@ -101,7 +101,7 @@ TEST_F(Updates, OtherMicromaps)
     EXPECT_EQ(seenOf(gpu(), blas), fresh(changed));
 }
 
-// Every geometry that has micromaps gets special indices only, and back.
+// Every geometry with micromaps gets special indices only, then its own ones again.
 TEST_F(Updates, SpecialIndicesAndBack)
 {
     const Patchwork patchwork(gpu());
@@ -161,12 +161,12 @@ TEST_F(Updates, IntoAnotherStructure)
     update(source, target, moved(other.geometries()), kMicromapUpdate);
     EXPECT_EQ(seenOf(gpu(), target), fresh(moved(other.geometries())));
     EXPECT_EQ(seenOf(gpu(), source), still);
-    // And from there in place.
+    // Then updated in place.
     target.build(patchwork.geometries(), kMicromapUpdate, kUpdate);
     EXPECT_EQ(seenOf(gpu(), target), still);
 }
 
-TEST_F(Updates, OfAClone)
+TEST_F(Updates, Clone)
 {
     const Patchwork patchwork(gpu()), other(gpu(), 2);
     const Blas source(gpu(), patchwork.geometries(), kMicromapUpdate);
@@ -179,7 +179,7 @@ TEST_F(Updates, OfAClone)
 }
 
 // "or the deserialized micromap ... if the original acceleration structure was deserialized prior"
-TEST_F(Updates, OfADeserializedStructure)
+TEST_F(Updates, DeserializedStructure)
 {
     const Patchwork patchwork(gpu()), other(gpu(), 2);
     Serialized data;
@@ -217,7 +217,7 @@ TEST_F(Updates, DisabledMicromaps)
     EXPECT_EQ(seenOf(gpu(), *deserialized(gpu(), serialize(gpu(), blas), kBottom), kFlagDisable), fresh(without));
 }
 
-// One recording of an update, executed again and again while the micromap behind it changes.
+// One recording of an update, executed repeatedly while its micromap changes.
 TEST_F(Updates, RecordedOnce)
 {
     const Patchwork first(gpu()), second(gpu(), 2);

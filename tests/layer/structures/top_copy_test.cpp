@@ -159,7 +159,7 @@ TEST_F(TopCopies, OneRecordedBuildExecutedAgainKeepsCopies)
 
 TEST_F(TopCopies, ManyInstances)
 {
-    // More than one page of instance records; every one is looked at.
+    // More than one page of instance records, all of which are checked.
     std::vector<VkAccelerationStructureInstanceKHR> many;
     std::vector<Ray> rays;
     for (uint32_t i = 0; i < 5003; ++i) {
@@ -216,7 +216,7 @@ TEST_F(TopCopies, DeserializedIntoTheSizeOfTheSource)
     }
 }
 
-// Two structures from the same data, with other bottom-level structures each.
+// Two structures from the same data, each with other bottom-level structures.
 TEST_F(TopCopies, SerializedTwiceWithOtherHandles)
 {
     auto source = std::make_unique<Tlas>(gpu(), instances(6, 1));
@@ -248,7 +248,7 @@ TEST_F(TopCopiesExt, SerializedToAnotherDevice)
     const Tlas source(gpu(), instances(6, 1));
     Serialized data = serialize(gpu(), source);
     Gpu other({.api = Api::Ext});
-    // Other slots are in use there.
+    // Other slots are in use on this device.
     const Blas filler(other, plain());
     const Tlas occupied(other, std::vector(100, instance(filler, {}, 1)));
     std::vector<std::unique_ptr<Structure>> loaded;

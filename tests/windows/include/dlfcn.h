@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What tests use of POSIX's dlfcn.h.
+// The part of POSIX's dlfcn.h that tests use.
 #pragma once
 
 #include <windows.h>

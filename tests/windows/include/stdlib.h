@@ -17,7 +17,7 @@ static inline int setenv(const char *name, const char *value, int overwrite)
 {
     if (overwrite == 0 && getenv(name) != NULL)
         return 0;
-    _putenv_s(name, value); // which removes a variable without a value
+    _putenv_s(name, value); // removes a variable without a value
     return SetEnvironmentVariableA(name, value) ? 0 : -1;
 }
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// vulkan-1.dll of the tests: puts layers above Wine's driver, winevulkan.dll, which Wine's own vulkan-1.dll does not
-// do. It has what the tests need: explicit layers, named by the application or VK_INSTANCE_LAYERS, and the driver's
-// instances and devices as they are.
+// vulkan-1.dll of the tests. It inserts layers above Wine's driver, winevulkan.dll; Wine's own vulkan-1.dll supports no
+// layers. It implements what the tests need: explicit layers, named by the application or VK_INSTANCE_LAYERS, and the
+// driver's instances and devices unchanged.
 //
-// Each dispatchable handle begins with a pointer to the commands of its instance or device, which are the uppermost
-// layer's. Those of trampolines.S jump there; the others are here.
+// Each dispatchable handle begins with a pointer to the commands of its instance or device, which are those of the
+// uppermost layer. The commands of trampolines.S jump there; the others are here.
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
@@ -24,7 +24,7 @@
 #define EXPORTED extern "C" VKAPI_ATTR
 #define VOID_FUNCTION(name) reinterpret_cast<PFN_vkVoidFunction>(name)
 
-// In trampolines.S, by the index of each command.
+// Defined in trampolines.S, by the index of each command.
 extern "C" const char *const vellumLoaderNames[];
 extern "C" const uint64_t vellumLoaderCount;
 
@@ -36,10 +36,10 @@ namespace
 struct Layer {
     PFN_vkGetInstanceProcAddr getInstance;
     PFN_vkGetDeviceProcAddr getDevice;
-    std::vector<VkExtensionProperties> deviceExtensions; // which it provides
+    std::vector<VkExtensionProperties> deviceExtensions; // provided by the layer
 };
 
-// What handles begin with: the commands, which must come first.
+// The commands that a handle begins with; they must come first.
 struct Dispatch {
     std::unique_ptr<PFN_vkVoidFunction[]> commands = std::make_unique<PFN_vkVoidFunction[]>(vellumLoaderCount);
     std::vector<Layer> layers; // from the application to the driver
@@ -119,7 +119,7 @@ Structure *layerInfo(const void *chain, VkStructureType type, VkLayerFunction fu
     return structure;
 }
 
-// By the command of the driver, or of the uppermost layer.
+// Queries the driver, or the uppermost layer, through `get`.
 std::vector<VkExtensionProperties> deviceExtensions(PFN_vkGetInstanceProcAddr get, VkInstance instance,
                                                     VkPhysicalDevice physical)
 {
@@ -240,7 +240,7 @@ bool load(const char *name, std::vector<Layer> &layers)
     return false;
 }
 
-// As Vulkan enumerates: `count` is the capacity of `to`, and then what was written.
+// Implements an enumeration of Vulkan: `count` is the capacity of `to`, and then the number written.
 template <typename T>
 VkResult put(const std::vector<T> &from, uint32_t *count, T *to)
 {

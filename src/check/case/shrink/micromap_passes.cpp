@@ -92,8 +92,9 @@ uint8_t usualState(const MicromapTriangle &triangle)
     return static_cast<uint8_t>(std::ranges::max_element(counts) - counts.begin());
 }
 
-// Which state a micro-triangle of a lower level gets: that of a child in the same part (0 to 3), of the micro-triangle
-// with the same number, the first that is not the usual one; or states in turn, of which it gets the n-th first.
+// The state that a micro-triangle of a lower level gets: that of a child in the same part (0 to 3), of the
+// micro-triangle with the same number, the first that is not the usual one; or states in turn, of which it gets the
+// n-th first.
 enum Reduction : size_t { kSameNumber = 4, kUnusual, kInTurn, kReductions = kInTurn + 4 };
 
 void lowerTo(MicromapTriangle &triangle, uint32_t level, size_t reduction)
@@ -256,7 +257,7 @@ std::vector<Edit> editsOfUses(const Case &best, const std::function<bool(const M
     return edits;
 }
 
-// No index buffer: as if it held 0, 1, 2...
+// Removes the index buffer, as if it were 0, 1, 2...
 void makeDirect(MeshMicromap &use)
 {
     if (!use.indices.empty() && use.indices[0] > 0)

@@ -45,7 +45,7 @@ private:
     Case best_;
     uint32_t runs_ = 0;
     std::unordered_set<size_t> seen_;
-    std::vector<std::string> earlier_; // those that were the best, or some of them, as JSON
+    std::vector<std::string> earlier_; // earlier best cases, or some of them, as JSON
     size_t earlierBytes_ = 0;
 };
 
@@ -57,11 +57,11 @@ void lowerAllLevels(Attempts &attempts);
 void removeParts(Attempts &attempts);
 // States, levels and formats.
 void simplifyMicromaps(Attempts &attempts);
-// How meshes use micromaps.
+// The uses of micromaps by meshes.
 void simplifyUses(Attempts &attempts);
 // Instances, rays and coordinates.
 void simplifyScene(Attempts &attempts);
-// How it is built and traced, and the kinds of steps.
+// How the case is built and traced, and the kinds of steps.
 void simplifyPlans(Attempts &attempts);
 
 } // namespace vellum::check

@@ -61,7 +61,7 @@ void removeIndices(MeshMicromap &use, size_t from, size_t count)
         from = use.indices.size() - std::min(count, use.indices.size());
     eraseFrom(use.indices, from, count);
     if (use.stride == 0u && !use.indices.empty())
-        use.indices[0] = first; // which all triangles read
+        use.indices[0] = first; // read by all triangles
 }
 
 // The position that a triangle of a micromap has when others are removed.

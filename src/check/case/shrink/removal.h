@@ -9,7 +9,7 @@
 namespace vellum::check
 {
 
-// There is no index buffer.
+// True if there is no index buffer.
 inline bool isDirect(const oracle::MeshMicromap &use)
 {
     return use.indexType == VK_INDEX_TYPE_NONE_KHR;
@@ -32,7 +32,7 @@ void forEachStates(Case &c, uint32_t micromap,
 // With its instances and the steps on it.
 void removeObject(Case &c, uint32_t object);
 void removeMeshes(Case &c, uint32_t object, size_t from, size_t count);
-// Or boxes. Without an index buffer, the triangles behind have other micromap triangles from then on, unless
+// Or boxes. Without an index buffer, the triangles behind use other micromap triangles afterwards, unless
 // `withMicromap`: those of the micromap are removed as well.
 void removeTriangles(Case &c, uint32_t object, uint32_t mesh, size_t from, size_t count, bool withMicromap);
 // With its uses.

@@ -112,7 +112,7 @@ std::vector<Edit> editsOfMeshes(const Case &best, const EditMesh &edit)
     return edits;
 }
 
-// Vertices of another format or without indices: a stride and an offset that do not fit are none.
+// After a change of the vertex format or of the indices, removes a stride and an offset that do not fit.
 void fitLayout(oracle::MeshLayout &layout)
 {
     const VertexFormat format = vertexFormat(layout.vertexFormat);
@@ -212,7 +212,7 @@ void roundCoordinates(Attempts &attempts)
         const oracle::Scene &scene = attempts.best().scene;
         for (size_t o = 0; o < scene.objects.size(); ++o)
             for (size_t m = 0; m < scene.objects[o].meshes.size(); ++m) {
-                // Those of a grid are a few runs, as long as they are not rounded.
+                // Vertices of a grid are a few runs, as long as they are not rounded.
                 if (scene.objects[o].meshes[m].triangles() > kMostRounded)
                     continue;
                 edits.emplace_back([o, m, steps](Case &c) {
@@ -280,7 +280,7 @@ void simplifyPipelines(Attempts &attempts)
 {
     using oracle::TablePlan;
     for (size_t i = attempts.best().trace.otherPipelines.size(); i > 0; --i) {
-        // Without the one before it, or without it.
+        // Tries without the pipeline before it, then without this one.
         if (!attempts.attempt([i](Case &c) {
                 pipelineOf(c, i - 1) = c.trace.otherPipelines[i - 1];
                 c.trace.otherPipelines.erase(c.trace.otherPipelines.begin() + static_cast<ptrdiff_t>(i - 1));

@@ -123,7 +123,7 @@ void Attempts::confirm(Shrunk &result)
     };
     if (result.failures == kConfirmations)
         return;
-    // From the smallest towards the first in growing steps, and back between the last two of these.
+    // From the smallest towards the first in growing steps, then back between the last two of these.
     size_t wrong = earlier_.size(), right = wrong;
     for (size_t step = 1; wrong > 0 && right == earlier_.size(); step *= 2) {
         const size_t at = wrong - std::min(step, wrong);

@@ -14,15 +14,15 @@ namespace vellum::check
 struct ShrinkLimits {
     double seconds = 60;
     uint32_t runs = 3000;
-    std::optional<uint32_t> ray; // that is wrong in the first case (Verdict::ray)
+    std::optional<uint32_t> ray; // the ray that fails in the first case (Verdict::ray)
 };
 
 struct Shrunk {
     Case smallest;
     uint32_t runs = 0;
     bool complete = false; // nothing more can be removed; false: a limit was reached
-    // How often the smallest case failed when it was run that many times in the end. A case that does not fail each
-    // time is chosen only if the first case does not either.
+    // How often the smallest case failed in that many runs at the end. A case that does not fail each time is chosen
+    // only if the first case does not either.
     uint32_t failures = 0;
     uint32_t confirmations = 0;
 };

@@ -33,7 +33,7 @@ const svg = (name, attributes, parent, text) => {
   return made;
 };
 
-// Ratios as dots with bars, one line each, beside their names; in a narrow page below them.
+// Ratios as dots with bars, one line each, next to their names; in a narrow page below them.
 const narrow = window.matchMedia("screen and (max-width: 499px)");
 const draw = (box, title, frames) => {
   const [left, right, width, step, drop] = narrow.matches ? [12, 12, 340, 44, 20] : [150, 60, 700, 26, 0];

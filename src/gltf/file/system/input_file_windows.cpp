@@ -17,8 +17,8 @@ HANDLE readHandleOf(intptr_t file)
     return reinterpret_cast<HANDLE>(file);
 }
 
-// With the prefix \\?\, and in the case that the file system has. Where the volume's driver does not support that,
-// `named` without links; empty where that fails as well.
+// With the prefix \\?\, and in the case that the file system has. If the volume's driver does not support that, `named`
+// without links; empty if that fails as well.
 std::filesystem::path finalPath(HANDLE handle, const std::filesystem::path &named)
 {
     std::wstring path(GetFinalPathNameByHandleW(handle, nullptr, 0, VOLUME_NAME_DOS), L'\0');

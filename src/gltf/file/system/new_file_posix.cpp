@@ -107,7 +107,7 @@ NewFile::Appeared NewFile::appear()
 
 void NewFile::replace()
 {
-    // Where a file system knows no modes there is nothing to keep.
+    // A file system without modes has none to keep.
     struct stat old {
     };
     if (stat(path_.c_str(), &old) == 0)

@@ -15,7 +15,8 @@ using namespace shared;
 
 constexpr uint32_t kLossy = VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
 
-// The limits of whoever implements micromaps. A driver's own are asked for; translation never makes a lossy build.
+// The limits of the implementation of micromaps. A driver is queried for its own; translation never makes a lossy
+// build.
 LevelLimits ownLimits(const Driver &driver)
 {
     if (driver.emulated())

@@ -34,7 +34,7 @@ class GpuLog
 {
 public:
     VkResult create(const GpuContext &context);
-    // For push constants.
+    // The address for push constants.
     [[nodiscard]] VkDeviceAddress address() const { return log_.address(); }
     // Reports the findings since the last call.
     void drain(GpuChecks &gpu);
@@ -43,7 +43,7 @@ public:
     void drainIdle(GpuChecks &gpu);
 
 private:
-    // Whether the log has grown. Takes no lock, because every poll of a fence calls it.
+    // Returns whether the log has grown. Takes no lock, because every poll of a fence calls it.
     [[nodiscard]] bool hasNew() const;
     // The next entry to report, if it is complete.
     std::optional<Finding> take();

@@ -24,7 +24,7 @@ constexpr size_t kBlockFormat = 13; // 0xffffffff: blocks follow, and not handle
 constexpr size_t kFirstBlock = 14;
 constexpr size_t kBlockWords = 4; // type, a reserved word, number of addresses
 constexpr size_t kHeaderWords = 12;
-constexpr uint32_t kMostWords = 2048; // that are read
+constexpr uint32_t kMostWords = 2048; // the most words that are read
 
 using Words = std::span<const uint32_t>;
 
@@ -128,8 +128,8 @@ void reportBlocks(const Command &command, Words words)
     });
 }
 
-// Whether the data has sizes and blocks after the version. In that of micromaps the specification defines the version
-// only; emulation writes the sizes all the same. What a generic structure gets is not known.
+// Returns whether the data has sizes and blocks after the version. In that of micromaps the specification defines the
+// version only; emulation writes the sizes as well. The content of a generic structure is unknown.
 bool hasSizes(const DeviceModel &device, VkAccelerationStructureTypeKHR type)
 {
     return device.emulated || type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR ||

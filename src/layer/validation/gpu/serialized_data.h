@@ -70,7 +70,7 @@ private:
 // Checks data that is deserialized, before the command is recorded. Returns its header; null if it is not known.
 std::shared_ptr<SerializedHeader> checkSerializedData(GpuChecks &gpu, const RuleCheck &check, VkDeviceAddress data,
                                                       const std::shared_ptr<ValidatedStructure> &target);
-// The same for data in host memory, before it is deserialized.
+// As above, for data in host memory, before it is deserialized.
 std::shared_ptr<SerializedHeader> checkSerializedData(const RuleCheck &check, const void *data,
                                                       const ValidatedStructure *target);
 
@@ -81,8 +81,8 @@ void checkSerializedSize(GpuChecks &gpu, const RuleCheck &check, const std::shar
 void checkCompactedSize(GpuChecks &gpu, const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
                         const std::shared_ptr<ValidatedStructure> &target);
 
-// What is wrong with the micromaps of a structure that was deserialized, at the time of a number; empty: nothing is
-// known to be wrong. CommandLogs::submissions is held, and the header is read.
+// The fault of the micromaps of a structure that was deserialized, at the time of a number; empty: no fault is known.
+// CommandLogs::submissions is held, and the header is read.
 std::string wrongMicromapOf(const DeviceModel &device, const StructureContents &contents, uint64_t number);
 // The micromaps of a structure that was deserialized are deserialized as well when the command is executed.
 void checkDeserializedMicromaps(GpuChecks &gpu, const RuleCheck &check,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the host can know of the order in which a device executes commands. Each command buffer keeps the effects of its
+// The host's knowledge of the order in which a device executes commands. Each command buffer keeps the effects of its
 // commands on validation's state, and the checks that depend on that state. Submission carries them out, in the order
 // of the submissions.
 #pragma once
@@ -23,7 +23,7 @@ namespace vellum::layer
 
 struct TracingCode;
 
-// What a command buffer has bound, for one bind point.
+// The bindings of a command buffer, for one bind point.
 struct PointBindings {
     std::map<uint32_t, std::shared_ptr<const TracingCode>> code; // by stage; of a pipeline: by 0
     BoundSets sets;
@@ -81,7 +81,7 @@ struct CommandLog : CommandState {
     bool isProtected = false;
     bool isRecording = false;
     bool isRendering = false; // inside a render pass instance
-    bool suspends = false;    // that will be suspended
+    bool suspends = false;    // rendering will be suspended
     bool isSuspended = false; // between two such instances
     // Shared with submissions: once the driver has the work, another thread may learn that it is complete and reset or
     // free the command buffer before the steps have run. Never null.
@@ -125,8 +125,8 @@ public:
     // Waits until submissions that have begun are known: the host may learn that one is complete before that. One that
     // blocks is overtaken.
     void settle();
-    // Of timeline semaphores the largest value that a submission or the host signals; of queues what they wait for
-    // before it is submitted.
+    // signals: for each timeline semaphore, the largest value that a submission or the host signals. waits: for each
+    // queue, what it waits for before it is submitted.
     std::unordered_map<uint64_t, uint64_t> signals;
     std::unordered_map<VkQueue, std::vector<std::pair<uint64_t, uint64_t>>> waits;
 

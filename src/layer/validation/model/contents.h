@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What acceleration structures and micromaps hold: what the host knows of the build or copy, and what is known only
-// from data on the GPU, which shaders beside a build write to memory of the host.
+// The contents of acceleration structures and micromaps: facts that the host knows of the build or copy, and facts that
+// follow from data on the GPU, which shaders recorded with the build write to host memory.
 #pragma once
 
 #include <algorithm>
@@ -79,7 +79,7 @@ inline uint64_t trianglesOf(const std::vector<VkMicromapUsageEXT> &usages, uint3
 struct CapturedIndices {
     uint32_t count = 0;
     std::shared_ptr<Capture> memory;
-    // Whether it has special indices and indices of the micromap. Nothing before the build was executed.
+    // Returns whether it has special indices and indices of the micromap. Nothing before the build was executed.
     [[nodiscard]] std::optional<bool> mixed() const
     {
         if (!memory || memory->written() < count)
@@ -94,15 +94,15 @@ struct GeometryContents {
     VkGeometryFlagsKHR flags = 0;
     std::optional<uint32_t> primitives{};       // unknown after an indirect build
     bool hasMicromap = false;                   // there is a structure that attaches one, with a null handle or not
-    bool khr = false;                           // that structure is VK_KHR_opacity_micromap's
+    bool khr = false;                           // the structure is of VK_KHR_opacity_micromap
     ObjectHandle micromapHandle;                // 0 for a null handle
-    std::weak_ptr<ValidatedStructure> micromap; // that is attached
+    std::weak_ptr<ValidatedStructure> micromap; // the attached micromap
     uint64_t micromapNumber = 0;                // ValidatedStructure::number of it; 0: it was not known
     std::vector<VkMicromapUsageEXT> usages;     // of VK_EXT_opacity_micromap: which triangles of it are used
     CapturedIndices indices;                    // into it
 };
 
-// What a build or a copy put into a structure.
+// The content that a build or a copy gave a structure.
 struct StructureContents {
     VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     VkFlags flags = 0; // VkBuildAccelerationStructureFlagsKHR, or for a VkMicromapEXT VkBuildMicromapFlagsEXT

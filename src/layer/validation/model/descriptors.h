@@ -21,7 +21,7 @@ namespace vellum::layer
 struct DeviceModel;
 struct ValidatedStructure;
 
-// Also of structures that were destroyed.
+// Includes structures that were destroyed.
 using StructurePointers = std::vector<std::shared_ptr<ValidatedStructure>>;
 
 // A descriptor set, or the descriptors that a command buffer has pushed for one.

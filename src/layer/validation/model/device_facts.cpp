@@ -21,7 +21,7 @@ bool enables(const VkDeviceCreateInfo &info, const char *extension)
     return false;
 }
 
-// Whether the chain enables a feature by either of two structures.
+// Returns whether the chain enables a feature by either of two structures.
 template <typename First, typename Second>
 bool enables(const VkDeviceCreateInfo &info, VkStructureType first, VkBool32 First::*firstFeature,
              VkStructureType second, VkBool32 Second::*secondFeature)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What rules ask about a device: the features that the application enabled on it, and its limits.
+// The facts about a device that rules use: the features that the application enabled on it, and its limits.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +25,7 @@ struct DeviceFacts {
     bool addressMultiDevice = false;
 
     bool isGroup = false;                 // of several physical devices
-    VkShaderStageFlags storingStages = 0; // whose shaders may write to memory
+    VkShaderStageFlags storingStages = 0; // stages whose shaders may write to memory
 
     bool protectedNoFault = false;
     uint32_t maxVertexInputBindings = 0;

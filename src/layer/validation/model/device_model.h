@@ -23,7 +23,7 @@ struct DeviceModel {
     DeviceTable &next = driver.next;
     Checks checks{};               // `gpu` only where data on the GPU can be checked
     bool emulated = false;         // the implementation is the layer's emulation
-    bool implementsRanges = false; // VK_KHR_device_address_commands is the layer's
+    bool implementsRanges = false; // the layer implements VK_KHR_device_address_commands
     DeviceFacts facts{};
 
     // The subsystems below, once more: for validation's own work on the GPU.
@@ -49,7 +49,7 @@ struct DeviceModel {
     {
         driver.report().error(vuid, place.text() + ": " + text, object.type, object.handle);
     }
-    // The same for a place whose text was kept: for faults that show when a command buffer is submitted.
+    // As above, for a place whose text was kept: for faults that are found when a command buffer is submitted.
     void fault(const std::string &place, const char *vuid, const std::string &text, ObjectHandle object = {}) const
     {
         driver.report().error(vuid, place + ": " + text, object.type, object.handle);

@@ -101,17 +101,17 @@ private:
 struct ValidatedBuffer {
     VkBuffer handle = VK_NULL_HANDLE;
     VkDeviceSize size = 0;
-    VkFlags64 usage = 0; // that the application asked for
+    VkFlags64 usage = 0; // as the application requested
     VkBufferCreateFlags flags = 0;
     bool exclusive = false; // it belongs to one queue family at a time
-    // Other threads may ask for these while the application destroys or frees what is idle.
+    // Other threads may read these while the application destroys or frees idle objects.
     std::atomic<bool> destroyed = false;
     std::atomic<bool> memoryFreed = false;
     std::atomic<VkDeviceMemory> memory = VK_NULL_HANDLE; // null until it is bound, and once the memory is freed
     VkDeviceSize memoryOffset = 0;
     VkDeviceAddress address = 0;             // 0: without one, or without memory
     BoundRanges bound;                       // of a sparse buffer
-    WeakList<ValidatedStructure> structures; // that were created in it
+    WeakList<ValidatedStructure> structures; // structures created in it
 };
 
 // A VkAccelerationStructureKHR or a VkMicromapEXT.
@@ -132,9 +132,9 @@ struct ValidatedStructure {
 
     // The rest changes when commands are executed, as far as the host can know: see CommandLog.
     std::shared_ptr<const StructureContents> contents; // null: not constructed, or overwritten
-    ObjectHandle overwrittenBy;                        // what was constructed in its memory since; none: nothing
+    ObjectHandle overwrittenBy;                        // constructed later in its memory; none: nothing
     uint64_t since = 0;                                // DeviceModel::numbers when it got them
-    uint64_t built = 0;                                // the same of the structure that they were copied from
+    uint64_t built = 0;                                // `built` of the structure that they were copied from
     uint64_t losses = 0; // 1 + LostStructures::count() when instances were last checked; 0: they were not
     std::atomic<bool> destroyed = false;
     bool ownAllocator = false; // it was created with allocation callbacks
@@ -148,7 +148,7 @@ struct ValidatedStructure {
 
 struct ValidatedMemory {
     bool hostVisible = true;
-    std::shared_ptr<WeakList<ValidatedBuffer>> buffers{}; // that are bound to it
+    std::shared_ptr<WeakList<ValidatedBuffer>> buffers{}; // buffers bound to it
 };
 
 // Handles of destroyed micromaps and structures that no new object has. Beyond kMost, all are forgotten.
@@ -196,7 +196,7 @@ public:
         return find(references_, reference);
     }
     [[nodiscard]] std::optional<Loss> byNumber(uint64_t number) const { return find(numbers_, number); }
-    // Of all times.
+    // The number of losses so far, including those that are no longer kept.
     [[nodiscard]] uint64_t count() const { return count_; }
 
 private:
@@ -262,7 +262,7 @@ class ConstructedStructures
 public:
     // Returns the one that was there before, if it is another one and still exists.
     std::shared_ptr<ValidatedStructure> set(const std::shared_ptr<ValidatedStructure> &structure);
-    // Whether anything was ever constructed at the structure's location; true if that is not known.
+    // Returns whether anything was ever constructed at the structure's location; true if that is not known.
     [[nodiscard]] bool wasAt(const ValidatedStructure &structure) const;
     void forget(VkDeviceMemory memory);
 
@@ -281,11 +281,11 @@ class StructuresByMemory
 public:
     // Before it, the address of the structure is set.
     void add(const std::shared_ptr<ValidatedStructure> &structure);
-    // Those that may hold a micromap now. CommandLogs::submissions is held.
+    // The micromaps that may be at the address now. CommandLogs::submissions is held.
     [[nodiscard]] std::vector<std::shared_ptr<ValidatedStructure>> at(VkDeviceAddress address) const;
-    // Whether one begins there or ever did; true if that is not known.
+    // Returns whether a micromap begins there or ever did; true if that is not known.
     [[nodiscard]] bool everAt(VkDeviceAddress address) const;
-    // Whether the addresses of all are known.
+    // Returns whether the addresses of all are known.
     [[nodiscard]] bool isComplete() const;
 
 private:
@@ -353,16 +353,16 @@ void setContents(DeviceModel &device, const std::shared_ptr<ValidatedStructure> 
                  std::shared_ptr<const StructureContents> contents);
 // Instances name the structure by that address.
 void setReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure, VkDeviceAddress address);
-// The same for a structure that is about to be constructed: the application may know the address from an earlier one
+// As above, for a structure that is about to be constructed: the application may know the address from an earlier one
 // that was there. `structure`: null if it is unknown.
 void findReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure);
-// Whether structures may keep a copy of a micromap that they attach. CommandLogs::submissions is held.
+// Returns whether structures may keep a copy of a micromap that they attach. CommandLogs::submissions is held.
 bool mayBeDiscardable(const DeviceModel &device, const ValidatedStructure &micromap);
 // Why a structure is not constructed, as a clause; empty: it is, or that is not known.
 std::string isNotConstructed(const DeviceModel &device, const ValidatedStructure &structure);
 // Why a structure has no memory, as a clause; null: it has memory, or that is not known.
 const char *lacksMemory(const DeviceModel &device, const ValidatedStructure &structure);
-// The contents of a structure that was made in a way that does not show them.
+// The contents of a structure whose build or copy does not show them.
 std::shared_ptr<StructureContents> unknownContents(VkAccelerationStructureTypeKHR type);
 // The buffer at an address; null if there is none or it is unknown.
 std::shared_ptr<ValidatedBuffer> bufferAt(const DeviceModel &device, VkDeviceAddress address);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What structures hold, for checks that the device makes: a record for each in host-visible memory (core/findings.h).
-// Builds and copies write records in the order in which the device executes them.
+// The content of structures, for checks that the device makes: a record for each in host-visible memory
+// (core/findings.h). Builds and copies write records in the order in which the device executes them.
 #pragma once
 
 #include <array>
@@ -25,7 +25,7 @@ using RecordWords = std::array<uint32_t, shared::kStructureRecordWords>;
 class StructureRecords
 {
 public:
-    // A record that its destructor gives back. Must not outlive the records.
+    // A record that its destructor releases. Must not outlive the records.
     class Owner
     {
     public:
@@ -53,7 +53,7 @@ public:
     void setIncomplete();
 
     [[nodiscard]] VkDeviceAddress address() const { return records_.address(); }
-    // Of record 0, which states nothing, for null.
+    // The address of a record; for null that of record 0, which states nothing.
     [[nodiscard]] VkDeviceAddress addressOf(const Owner *record) const
     {
         return address() + (record ? record->index() : 0) * sizeof(RecordWords);
@@ -64,7 +64,7 @@ public:
     void set(const DeviceTable &next, VkCommandBuffer commandBuffer, const Owner &record,
              const RecordWords &words) const;
     void copy(const DeviceTable &next, VkCommandBuffer commandBuffer, const Owner *from, const Owner &to) const;
-    // The same at once, for commands of the host.
+    // These two write at once, for commands of the host.
     void set(const Owner &record, const RecordWords &words);
     void copy(const Owner *from, const Owner &to);
 
@@ -81,7 +81,8 @@ private:
     GpuBuffer references_;
     std::mutex mutex_; // guards what is below, and the host's writes to the buffers
     std::vector<uint32_t> free_;
-    // Records that were in use at any time. Record 0 is nobody's, and kDestroyed that of destroyed structures.
+    // Records that were in use at any time. Record 0 belongs to no structure, and kDestroyed is that of destroyed
+    // structures.
     uint32_t used_ = kDestroyed + 1;
     std::deque<VkDeviceAddress> destroyed_;           // references of destroyed structures
     uint32_t buckets_ = 0;                            // in use

@@ -41,7 +41,7 @@ constexpr std::array<FormatRow, 40> kCoreFormats{{
 constexpr int kLastCoreFormat = 184;
 constexpr int kFirstYcbcr = 1000156000;
 
-// Of formats with several planes, the place among those with components of one size: 3-plane 420, 2-plane 420, 3-plane
+// For formats with several planes, the index among those with components of one size: 3-plane 420, 2-plane 420, 3-plane
 // 422, 2-plane 422, 3-plane 444; -1 for other formats.
 int planesOf(VkFormat format, bool &wide)
 {
@@ -182,8 +182,8 @@ Rows rowsOf(const VkDeviceMemoryImageCopyKHR &region, const TexelBlock &block, c
     return rows;
 }
 
-// Whether a row of one overlaps a row of the other; false if the steps do not suffice. Each takes the next row that is
-// not before the other's.
+// Returns whether a row of one overlaps a row of the other; false if the steps do not suffice. Each takes the next row
+// that is not before the other's.
 bool overlap(const Rows &a, const Rows &b, uint64_t &steps)
 {
     for (uint64_t row = a.firstFrom(b.address); row < a.count() && steps != 0; --steps) {
@@ -275,7 +275,7 @@ private:
             if (!block)
                 continue;
             const Rows rows = rowsOf(region, *block, *image_);
-            // Others break the rules of ranges.
+            // Other regions violate the rules of ranges.
             if (rows.size() != 0 && rows.size() <= region.addressRange.size &&
                 sum(rows.address, rows.size()) != UINT64_MAX)
                 regions.emplace_back(rows, i);

@@ -79,7 +79,7 @@ void checkScope(DeviceModel &device, const Place &barrier, VkPipelineStageFlags2
     checkStage(device, barrier.member(rules.stages), stages, rules.feature, commandBuffer);
 }
 
-// Whether one half of a barrier may break a rule.
+// Returns whether one half of a barrier may break a rule.
 bool mayBreak(VkPipelineStageFlags2 stages, VkAccessFlags2 accesses)
 {
     constexpr VkAccessFlags2 kMicromaps = VK_ACCESS_2_MICROMAP_WRITE_BIT_EXT | VK_ACCESS_2_MICROMAP_READ_BIT_EXT;

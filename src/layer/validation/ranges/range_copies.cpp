@@ -19,7 +19,7 @@ rules::Range withLeast(rules::Range range, VkDeviceSize least)
     return range;
 }
 
-// Where a range is in memory: buffers may alias each other. Without a buffer, the range itself.
+// The memory of a range: buffers may alias each other. Without a buffer, the range itself.
 struct MemoryRange {
     VkDeviceMemory memory = VK_NULL_HANDLE;
     uint64_t begin = 0, end = 0;
@@ -49,7 +49,7 @@ struct Part {
     const char *member;
 };
 
-// Of each source, the first range of the command that it overlaps.
+// For each source, reports the first range of the command that it overlaps.
 void checkOverlap(const RangeCheck &ranges, const Place &info, std::vector<Part> parts)
 {
     std::erase_if(parts, [](const Part &part) { return part.at.begin == part.at.end; });
@@ -138,7 +138,7 @@ bool checkQueryResults(DeviceModel &device, VkCommandBuffer commandBuffer, uint3
 {
     const RangeCheck ranges(device, commandBuffer);
     const Place command("vkCmdCopyQueryPoolResultsToMemoryKHR");
-    // At least: the number of values of a result depends on the type of the pool.
+    // A lower bound: the number of values of a result depends on the type of the pool.
     const bool wide = (results & VK_QUERY_RESULT_64_BIT) != 0;
     const VkDeviceSize value = wide ? 8 : 4;
     const VkDeviceSize result = (results & VK_QUERY_RESULT_WITH_AVAILABILITY_BIT) != 0 ? 2 * value : value;

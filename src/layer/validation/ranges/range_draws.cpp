@@ -40,7 +40,7 @@ struct Draw {
     const char *featureRule = nullptr; // drawIndirectCount
 };
 
-// By DrawKind.
+// Indexed by DrawKind.
 constexpr Draw kDraws[] = {
     {rules::kDrawIndirect, "VUID-vkCmdDrawIndirect2KHR-commandBuffer-13057"},
     {rules::kDrawIndexedIndirect, "VUID-vkCmdDrawIndexedIndirect2KHR-commandBuffer-13059"},

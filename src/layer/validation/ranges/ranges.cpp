@@ -95,7 +95,7 @@ VkBuffer RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &ra
 {
     const AddressMap &addresses = device_.buffers.addresses;
     const VkBuffer sound = soundBuffer(range, flags, need);
-    // What is only bound need not be accessed.
+    // A range that is only bound need not be accessed.
     const bool isAccessed = need.usageId && need.part != rules::Part::UpToEnd && range.size != 0;
     if (isAccessed && (sound || addresses.find(range.address).buffer))
         checkWhenExecuted(device_, commandBuffer_,

@@ -65,7 +65,7 @@ private:
     input::Checked<input::CheckedRanges> checked_;
 };
 
-// Such as "0x1000 + 64 bytes".
+// For example "0x1000 + 64 bytes".
 std::string textOf(const VkDeviceAddressRangeKHR &range);
 
 // Each returns whether all rules are kept.

@@ -41,7 +41,7 @@ constexpr OverlapIds kStructures{"VUID-vkCmdBuildAccelerationStructuresKHR-dstAc
 
 BuildMemory memoryOf(const DeviceModel &device, const input::MicromapBuild &build)
 {
-    // Nothing is known of a build with another mistake. Scratch memory of the host is not in a buffer.
+    // A build with another mistake has no known needs. Scratch memory of the host is not in a buffer.
     if (build.needs.micromap == 0)
         return {build.element, build.target, {}, {}};
     return {build.element, build.target, memoryOf(device.objects.structureOf(build.target).get(), build.needs.micromap),
@@ -82,7 +82,7 @@ void checkScratchSize(const RuleCheck &check, const input::StructureBuild &build
                     rules::tooFewBytes(available, needed));
 }
 
-// Of the target of an update, which may be compacted, the first byte.
+// For the target of an update, which may be compacted, only the first byte.
 BuildMemory memoryOf(const DeviceModel &device, const input::StructureBuild &build,
                      const VkAccelerationStructureBuildSizesInfoKHR &sizes)
 {
@@ -379,7 +379,7 @@ constexpr UpdateIds kUpdateIds[] = {
 constexpr VkFlags kReplaces = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR;
 constexpr VkFlags kReplacesData = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT;
 
-// What an update gives a geometry of triangles.
+// What an update sets on a geometry of triangles.
 struct UpdatedGeometry {
     bool attaches = false;
     bool khr = false;
@@ -410,9 +410,9 @@ std::string changedKinds(const Usages &before, const Usages &now)
     return {};
 }
 
-// What is wrong with an update of a geometry that has, or had, a micromap of VK_EXT_opacity_micromap: it changes what
-// the flags of the build do not allow. The specification has these rules in its text alone ("Acceleration Structure
-// Update Rules").
+// The fault of an update of a geometry that has, or had, a micromap of VK_EXT_opacity_micromap: it changes what the
+// flags of the build do not allow. The specification has these rules in its text alone ("Acceleration Structure Update
+// Rules").
 std::string wrongExtUpdate(const GeometryContents &before, const UpdatedGeometry &now, VkFlags flags)
 {
     if (!now.attaches)

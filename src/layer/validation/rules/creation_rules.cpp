@@ -32,7 +32,7 @@ void checkBuffer(const RuleCheck &check, const ValidatedBuffer &buffer, VkFlags 
 
 void checkRange(const RuleCheck &check, const VkDeviceAddressRangeKHR &range, VkFlags createFlags)
 {
-    // Of several buffers at the address, the host does not know which one the application means.
+    // If several buffers are at the address, the host does not know which one the application means.
     const DeviceModel &device = check.device();
     const AddressMap::Location only = device.buffers.addresses.onlyCovering(range.address, range.size, 0);
     if (const auto buffer = only.buffer ? device.objects.buffers.get(only.buffer) : nullptr)
@@ -93,10 +93,10 @@ input::Creation checkCreation(DeviceModel &device, const VkAccelerationStructure
     if ((info.createFlags & kReplay) != 0) {
         check.require(device.facts.structureCaptureReplay, "createFlags",
                       "VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-03613",
-                      "it asks for capture and replay; the feature accelerationStructureCaptureReplay is not enabled");
+                      "it requests capture and replay; the feature accelerationStructureCaptureReplay is not enabled");
         check.require(!device.facts.isGroup || device.facts.addressMultiDevice, "createFlags",
                       "VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11673",
-                      "it asks for capture and replay on several physical devices; the feature "
+                      "it requests capture and replay on several physical devices; the feature "
                       "bufferDeviceAddressMultiDevice is not enabled");
     }
     if (info.type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)

@@ -11,7 +11,7 @@ namespace vellum::layer
 input::Creation checkCreation(DeviceModel &device, const VkMicromapCreateInfoEXT &info);
 input::Creation checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfoKHR &info);
 input::Creation checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfo2KHR &info);
-// Of any handle, VK_NULL_HANDLE included.
+// Called for any handle, VK_NULL_HANDLE included.
 void checkMicromapDestruction(DeviceModel &device);
 // `structure`: null if it is unknown. `allocator`: allocation callbacks are given.
 void checkDestruction(DeviceModel &device, const ValidatedStructure *structure, bool allocator);

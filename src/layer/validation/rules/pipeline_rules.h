@@ -19,7 +19,7 @@ input::Pipelines checkPipelines(DeviceModel &, uint32_t count, const VkGraphicsP
 input::Pipelines checkPipelines(DeviceModel &, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *);
 input::Pipelines checkShaders(DeviceModel &, uint32_t count, const VkShaderCreateInfoEXT *);
 void checkModule(DeviceModel &, const VkShaderModuleCreateInfo &);
-// What is kept of what was created, for pipelines that use it.
+// These keep facts about created objects, for pipelines that use them.
 void keepModule(DeviceModel &, const VkShaderModuleCreateInfo &, VkShaderModule);
 void keepLibraries(DeviceModel &, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *, const VkPipeline *);
 

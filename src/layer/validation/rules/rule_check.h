@@ -48,7 +48,7 @@ public:
 
     // Checks a rule when the command is executed. `find` returns what is wrong then, or an empty text.
     void whenExecuted(const char *vuid, std::function<std::string()> find) const;
-    // The same for several rules.
+    // As above, for several rules.
     void whenExecuted(std::function<void()> check) const;
     // An effect of the command. `isOrdered`: what objects hold then is known.
     void afterExecution(std::function<void(bool isOrdered)> effect) const;

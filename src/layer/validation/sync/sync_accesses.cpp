@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What commands access, and messages about accesses that nothing orders.
+// The accesses of commands, and messages about accesses that nothing orders.
 #include <algorithm>
 
 #include "layer/validation/sync/sync_checks.h"
@@ -239,7 +239,7 @@ void writeStructure(Recorder &recorder, Scope scope, const std::shared_ptr<Valid
     recorder.writes(subjectOf(structure), scope, locationOf(structure.get()));
 }
 
-// How copies and queries access a structure, by the extension that it is of. An unknown one is not accessed.
+// The accesses of copies and queries to a structure, by its extension. An unknown structure is not accessed.
 Scope copyScope(const std::shared_ptr<ValidatedStructure> &structure, bool writes)
 {
     if (structure && structure->handle.type == VK_OBJECT_TYPE_MICROMAP_EXT)
@@ -259,7 +259,7 @@ void addBuild(const DeviceSync &sync, Recorder &recorder, const input::MicromapB
         const uint64_t bytes = (triangles - 1) * build.triangleStride + sizeof(VkMicromapTriangleEXT);
         recorder.reads("triangleArray", {stage, kShaderRead},
                        locationAt(sync.device, build.triangles.deviceAddress, bytes));
-        // Where in it triangles have their data is not known to the host. Offset 0 is used.
+        // The host does not know where in it triangles have their data. Offset 0 is used.
         recorder.reads("data", {stage, kShaderRead}, locationAt(sync.device, build.data.deviceAddress, 1));
     }
     recorder.writes("scratch memory", {stage, read | write},
@@ -394,7 +394,7 @@ void recordQuery(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *co
 namespace
 {
 
-// What a transfer accesses: a part of a buffer, or without a buffer an address range. It is looked up when the command
+// The memory of a transfer: a part of a buffer, or without a buffer an address range. It is looked up when the command
 // is executed.
 struct TransferMemory {
     VkBuffer buffer = VK_NULL_HANDLE;

@@ -97,7 +97,7 @@ void recordWrite(DeviceSync &, VkCommandBuffer, const char *command, const VkDev
 
 // --- Order, between commands and with the host.
 
-// What a batch of a submission waits for and signals.
+// The semaphores that a batch of a submission waits for and signals.
 std::vector<SemaphoreUse> waitsOf(const DeviceSync &, const VkSubmitInfo &);
 std::vector<SemaphoreUse> waitsOf(const DeviceSync &, const VkSubmitInfo2 &);
 std::vector<SemaphoreUse> signalsOf(const DeviceSync &, const VkSubmitInfo &);
@@ -124,7 +124,7 @@ void recordReset(DeviceSync &, VkCommandBuffer, VkEvent);
 void recordWait(DeviceSync &, VkCommandBuffer, uint32_t, const VkEvent *, const PipelineBarrier &);
 void recordWait(DeviceSync &, VkCommandBuffer, uint32_t, const VkEvent *, const VkDependencyInfo *);
 
-// What the host learned by a wait that succeeded. `all`: of all fences, and not of some.
+// Called after a successful wait of the host. `all`: for all fences, not for any.
 void fencesComplete(DeviceSync &, VkDevice, uint32_t, const VkFence *, bool all);
 void semaphoresReached(DeviceSync &, VkDevice, const VkSemaphoreWaitInfo &);
 // Before a structure or a buffer is destroyed. `rule`: that commands which refer to it must be complete.
@@ -145,12 +145,12 @@ struct Location {
 // known, and sizes may overlap.
 Location locationOf(const ValidatedStructure *structure);
 Location locationAt(const DeviceModel &device, VkDeviceAddress address, VkDeviceSize size);
-// Of buffers that structures or their builds may access; empty for others.
+// The location for buffers that structures or their builds may access; empty for others.
 Location locationIn(const DeviceModel &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize size);
-// The same for any buffer.
+// As above, for any buffer.
 Range rangeIn(const DeviceModel &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize size);
 
-// Such as "vkCmdBuildMicromapsEXT: pInfos[2]".
+// For example "vkCmdBuildMicromapsEXT: pInfos[2]".
 std::string placeOf(const Access &access);
 void report(DeviceModel &device, const Hazard &hazard);
 // Structures that a submitted command refers to.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What orders commands: barriers, events, semaphores, fences, and what the host learns of the progress of queues.
+// The order of commands: barriers, events, semaphores, fences, and what the host learns of the progress of queues.
 #include "layer/base/pnext.h"
 #include "layer/validation/sync/sync_checks.h"
 

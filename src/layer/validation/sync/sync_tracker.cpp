@@ -155,7 +155,7 @@ void Tracker::signal(uint64_t semaphore, uint64_t value, const Clock &clock)
 {
     auto &values = timeline_[semaphore];
     values[value] = clock;
-    // Of what is complete the last is enough. Those who wait for a smaller value get a later clock.
+    // Of all complete submissions, the last is enough. A wait for a smaller value gets a later clock.
     const auto isComplete = [this](const Clock &other) {
         for (size_t q = 0; q < queues_.size(); ++q) {
             if (at(other, q) > at(complete_, q))

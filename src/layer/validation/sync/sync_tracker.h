@@ -41,7 +41,7 @@ struct Scope {
         return (stages & other.stages) != 0 && (accesses & other.accesses) != 0;
     }
 };
-// The same scope in single stages and accesses: without those that stand for several.
+// The scope in single stages and accesses, without those that stand for several.
 Scope firstScope(VkPipelineStageFlags2 stages, VkAccessFlags2 accesses);
 Scope secondScope(VkPipelineStageFlags2 stages, VkAccessFlags2 accesses);
 
@@ -93,8 +93,8 @@ using QueueKey = uint64_t; // a VkQueue
 class Tracker
 {
 public:
-    // A batch of a submission: what it waits for, its commands, what it signals. `ordered`: submissions of other queues
-    // that are known by now were before it, and none of those to come. Otherwise it counts as ordered with all.
+    // A batch of a submission: its waits, its commands, its signals. `ordered`: it is after the submissions of other
+    // queues that are known by now, and before all later ones. Otherwise it is treated as ordered with all.
     void beginBatch(QueueKey queue, uint32_t family, std::span<const SemaphoreUse> waits, bool ordered = true);
     // Accesses of one command, which are not compared with each other. At most one hazard for each access.
     std::vector<Hazard> access(QueueKey queue, std::span<const Access> accesses);
@@ -108,25 +108,25 @@ public:
     // The fence is signaled after all batches of the queue.
     void signalFence(QueueKey queue, uint64_t fence);
 
-    // What the host learns. Unknown fences and values count as signaled by everything.
+    // Results of waits on the host. Unknown fences and values count as signaled by everything.
     void fenceComplete(uint64_t fence);
     void forgetFence(uint64_t fence);
     void hostSignal(uint64_t semaphore, uint64_t value);
-    void undoHostSignal(uint64_t semaphore, uint64_t value); // that failed
+    void undoHostSignal(uint64_t semaphore, uint64_t value); // after the driver's command failed
     void semaphoreReached(uint64_t semaphore, uint64_t value);
     void forgetSemaphore(uint64_t semaphore);
     void queueIdle(QueueKey queue);
     void allIdle();
 
-    // Whether a command that accesses that object may still be executed.
+    // Returns whether a command that accesses that object may still be executed.
     [[nodiscard]] std::optional<Access> pendingUse(const Range &range, ObjectHandle object) const;
-    // The same for any object in the memory, which is then forgotten.
+    // As above, for any object in the memory, which is then forgotten.
     std::optional<Access> freeMemory(uint64_t memory);
 
 private:
     using Clock = std::vector<uint64_t>; // for each queue, the last of its batches that is complete
 
-    // What barriers since an access have reached.
+    // The stages and accesses that barriers since an access have reached.
     struct Reach {
         uint64_t next = 0; // position of the first barrier that was not applied yet
         VkPipelineStageFlags2 stages = 0;
@@ -183,14 +183,14 @@ private:
     // Every entry that overlaps a range.
     template <typename Visit>
     void visitOverlapping(const Range &range, Visit visit);
-    // Every part of a range as an entry, which is made where there is none.
+    // Visits every part of a range as an entry, which is added if missing.
     template <typename Visit>
     void visitParts(const Range &range, Visit visit);
 
     mutable std::mutex mutex_;
     std::unordered_map<QueueKey, size_t> indices_;
     std::vector<Queue> queues_;
-    Clock complete_; // as the host knows
+    Clock complete_; // known to the host
     std::unordered_map<uint64_t, Entries> memory_;
     size_t entries_ = 0, sweepAt_ = 4096;
     std::unordered_map<uint64_t, Clock> binary_;                       // signaled semaphores

@@ -93,7 +93,7 @@ std::shared_ptr<const TraceMark> TraceMarks::add(const GpuContext &context, uint
         if (!isFixed && memory_.create(context, kBytes) != VK_SUCCESS)
             return nullptr;
     }
-    if (free_.empty() && sites_.size() == kMarks) // what is not certain yet of destroyed shaders is given up
+    if (free_.empty() && sites_.size() == kMarks) // uncertain findings of destroyed shaders are dropped
         std::erase_if(watched_, [&](uint32_t mark) { return sites_[mark].unused && forget(mark); });
     if (free_.empty() && sites_.size() < kMarks) {
         sites_.emplace_back();
@@ -251,7 +251,8 @@ namespace
 struct LostPart {
     uint32_t instance = 0;
     LostStructures::Loss loss;
-    std::shared_ptr<ValidatedStructure> structure{}; // whose micromap was lost; null: the instance's structure was
+    std::shared_ptr<ValidatedStructure>
+        structure{}; // the structure whose micromap was lost; null: the instance's structure was
     size_t geometry = 0;
 };
 
@@ -265,7 +266,7 @@ std::optional<LostPart> lostPart(const DeviceModel &device, const TraceUse &use,
             continue;
         const auto structure = device.objects.byReference.at(references[i]);
         if (!structure || structure->destroyed || lacksMemory(device, *structure)) {
-            // What was lost before the structure was built is a violation of the build.
+            // A loss before the structure was built is a violation of the build.
             const auto loss = lost.byReference(references[i]);
             if (loss && loss->number > built && loss->number <= use.number)
                 return LostPart{i, *loss};

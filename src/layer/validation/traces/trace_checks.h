@@ -51,7 +51,7 @@ private:
 
 // A place where the shader of a pipeline or a shader object traces rays in a structure of a descriptor.
 struct TracingSite {
-    std::shared_ptr<const TraceMark> mark; // that of a library is also of the pipelines made of it; null: it has none
+    std::shared_ptr<const TraceMark> mark; // a library's mark is also that of pipelines made of it; null: no mark
     spirv::StructureBinding binding;
 };
 
@@ -74,7 +74,7 @@ struct TraceUse {
 
 // A geometry below a top-level structure.
 struct MetGeometry {
-    std::shared_ptr<ValidatedStructure> structure; // null: there is none
+    std::shared_ptr<ValidatedStructure> structure; // null: none
     uint32_t index = 0;
     std::string wrong{}; // kRuleDeserialized: what is wrong
 };
@@ -88,7 +88,7 @@ struct BrokenRules {
 class TraceMarks
 {
 public:
-    // A mark for a site with these rules; null if there is none left.
+    // A mark for a site with these rules; null if all are in use.
     std::shared_ptr<const TraceMark> add(const GpuContext &context, uint32_t rules);
     [[nodiscard]] VkDeviceAddress address() const { return memory_.address(); }
     // The use is submitted.
@@ -104,14 +104,14 @@ private:
         bool frozen = false; // it was executed: later uses are not considered
         bool reported = false;
         bool watched = false; // it has uses
-        bool unused = false;  // its mark was given back while it was watched
+        bool unused = false;  // its mark was released while it was watched
         std::optional<TraceUse> first;
         BrokenRules byFirst;
         std::vector<TraceUse> uses; // of which it is not known yet what they break
     };
     void start(Site &site) const;
     void giveBack(uint32_t index);
-    // A site that is not watched any more. Its mark is free if it was given back. Returns true, for std::erase_if.
+    // Stops watching a site. Its mark is free if it was released. Returns true, for std::erase_if.
     bool forget(uint32_t index);
     // Considers the uses of which it is known what they break. Returns whether none is left.
     static bool fold(const DeviceModel &device, Site &site);
@@ -144,7 +144,7 @@ private:
 
     std::atomic<bool> any_ = false; // read without the mutex
     std::mutex mutex_;
-    std::vector<Traced> traced_; // whose instances are not known yet
+    std::vector<Traced> traced_; // traces whose instances are not known yet
 };
 
 // The check of what rays meet, a part of the check `gpu`.
@@ -153,7 +153,7 @@ struct DeviceTraces {
     TraceMarks marks{};
     TracedStructures traced{};
     std::atomic<bool> deserializes = false;                                            // a structure was deserialized
-    HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> modules{}; // that trace rays
+    HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> modules{}; // modules that trace rays
     HandleMap<VkPipeline, std::shared_ptr<const TracingCode>> pipelines{};
     HandleMap<VkShaderEXT, std::shared_ptr<const TracingCode>> shaders{};
     HandleMap<VkPipeline, VkFlags64> libraries{}; // flags of pipeline libraries
@@ -166,7 +166,8 @@ void bindTracingShaders(DeviceTraces &traces, VkCommandBuffer commandBuffer, uin
 // `command` runs what is bound. Other bind points than those that the model knows run no traces.
 void runTracing(DeviceTraces &traces, VkCommandBuffer commandBuffer, VkPipelineBindPoint point, const char *command);
 
-// Records what fills the contents of a structure, which a direct build constructs, beside what the host knows.
+// Records the commands that fill the contents of a structure, which a direct build constructs, beyond what the host
+// knows.
 void captureContents(DeviceModel &device, VkCommandBuffer commandBuffer, const input::StructureBuild &build,
                      StructureContents &contents);
 

@@ -15,8 +15,8 @@ namespace
 {
 
 constexpr VkFlags64 kMixedPromise = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
-// Of pipelines whose code is left as it is: the application would see that it is another, or its descriptors are not
-// in sets.
+// Flags of pipelines whose code is unchanged: the application would see that it differs, or its descriptors are not in
+// sets.
 constexpr VkFlags64 kUntouched = VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT |
                                  VK_PIPELINE_CREATE_RAY_TRACING_SHADER_GROUP_HANDLE_CAPTURE_REPLAY_BIT_KHR |
                                  VK_PIPELINE_CREATE_DESCRIPTOR_BUFFER_BIT_EXT |
@@ -33,7 +33,7 @@ struct Stage {
     VkFlags64 flags; // of the pipeline
 };
 
-// Whether the stage has the execution mode with a true operand. Nothing: not known.
+// Returns whether the stage has the execution mode with a true operand; nothing if it is not known.
 std::optional<bool> declaresMode(const Stage &stage, const spirv::StageName &name)
 {
     std::string error;
@@ -59,8 +59,8 @@ uint32_t rulesOf(const EnabledFeatures &enabled, bool query, bool hasMode, VkFla
     return rules;
 }
 
-// Where a shader traces rays, and the words of a copy of it with marks. No words: no rule that marks are for can be
-// broken, or it cannot be seen.
+// The trace sites of a shader, and the words of a copy of it with marks. No words: no rule that marks are for can be
+// violated, or a violation cannot be found.
 struct TracedStage {
     std::vector<TracingSite> sites;
     std::vector<uint32_t> words;

@@ -56,12 +56,12 @@ private:
     std::vector<VkShaderModule> modules_;
 };
 
-// The same for shader objects.
+// As above, for shader objects.
 class MarkedShaders
 {
 public:
     explicit MarkedShaders(DeviceTraces &traces) : traces_(traces) {}
-    // Nothing fails after it: shaders with marks have entries.
+    // Nothing fails after change(): shaders with marks have entries.
     void change(VkShaderCreateInfoEXT &info);
     void set(uint32_t count, const VkShaderEXT *shaders);
 

@@ -260,7 +260,7 @@ std::string geometries(Gpu &gpu)
     return statesOf(gpu, Tlas(gpu, {instance(blas, {}, 1)}), 2);
 }
 
-// The same of the triangles of a geometry.
+// As above, for the number of triangles of a geometry.
 template <uint32_t count>
 std::string triangles(Gpu &gpu)
 {
@@ -271,7 +271,7 @@ std::string triangles(Gpu &gpu)
     return statesAt(gpu, scene.tlas(), std::array{Vec3{0.3f, 0.3f, 1}, Vec3{1.5f * (count - 1) + 0.3f, 0.3f, 1}});
 }
 
-// The same of the triangles of a micromap: by these index type, index and base.
+// The state of the last triangle of a micromap that is reached by this index type, index and base.
 template <uint32_t count>
 std::string lastOf(Gpu &gpu, VkIndexType type, uint32_t base)
 {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// For each fault a scene in which it shows, and what is seen there without and with the fault. Vellum's layer takes
-// indices, triangles and data that are not there as unknown-opaque: state 3.
+// For each fault a scene that shows it, and the expected results without and with the fault. Vellum's layer treats
+// indices, triangles and data that do not exist as unknown-opaque: state 3.
 #pragma once
 
 #include "gpu/tracer.h"
@@ -21,7 +21,7 @@ struct Case {
     const char *quirks = "";         // of the mock driver
 };
 
-// For GoogleTest.
+// Printed by GoogleTest.
 inline void PrintTo(const Case &c, std::ostream *out)
 {
     *out << c.fault;
@@ -39,10 +39,10 @@ vt::MicromapInput uniform(std::initializer_list<uint8_t> states, uint32_t level 
 // The state of each triangle of a row (vt::triangleRow) at its middle: 0 to 3; 'n' where there is no micromap and the
 // geometry is not opaque.
 std::string statesOf(vt::Device &gpu, const vt::Structure &scene, uint32_t triangles);
-// At these places.
+// The states at these positions.
 std::string statesAt(vt::Device &gpu, const vt::Structure &scene, std::span<const vt::Vec3> places);
-// What each ray with these flags meets: '.' nothing, 'O' an opaque hit, 'n' one that the shader decides over. The rays
-// meet the triangles in the middle.
+// What each ray with these flags hits: '.' nothing, 'O' an opaque hit, 'n' a candidate for the shader. The rays hit the
+// middle of the triangles.
 std::string hitsOf(vt::Device &gpu, const vt::Structure &scene, uint32_t triangles, uint32_t flags,
                    uint32_t cullMask = 0xff);
 

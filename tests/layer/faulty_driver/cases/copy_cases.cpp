@@ -31,7 +31,7 @@ std::string order(const std::vector<uint64_t> &values)
     return values[0] < values[1] ? "smaller first" : values[0] > values[1] ? "larger first" : "equal";
 }
 
-// Of a small micromap and a large one.
+// Compares the sizes of a small micromap and a large one.
 std::string orderOfSizes(Gpu &gpu, VkQueryType type, bool together)
 {
     const auto small = built(gpu, uniform({0}), VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT);
@@ -56,8 +56,8 @@ std::string serializedSizes(Gpu &gpu)
     return orderOfSizes(gpu, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT, false);
 }
 
-// Of two queries of one size, of which the second one is written: what is read of both, with availability, 24 bytes
-// apart; '-' where nothing was written. copied: by vkCmdCopyQueryPoolResults, of the second query twice.
+// Two queries of one size, of which the second one is written. Returns the results of both, with availability, 24 bytes
+// apart; '-' where nothing was written. copied: by vkCmdCopyQueryPoolResults, the second query twice.
 std::string secondQuery(Gpu &gpu, const std::function<void(VkQueryPool)> &afterwards, bool copied = false)
 {
     const auto micromap = built(gpu, uniform({0}));
@@ -139,7 +139,7 @@ std::string header(Gpu &gpu)
     return stated[0] == stated[1] ? "equal" : "different";
 }
 
-// Two structures in one buffer; the first one is built last, by a handle that ends where the buffer does.
+// Two structures in one buffer. The first one is built last, by a handle that ends at the end of the buffer.
 std::string sharedRange(Gpu &gpu)
 {
     constexpr VkDeviceSize kSecond = 1 << 16, kSize = 1 << 17;

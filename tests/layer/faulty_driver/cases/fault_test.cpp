@@ -48,7 +48,7 @@ std::string observed(const Case &c, const char *fault)
     std::string seen = c.observe(gpu);
     unsetenv("VELLUM_TEST_FAULT");
     if (*fault != 0)
-        gpu.takeMessages(); // a driver with a fault may complain
+        gpu.takeMessages(); // a driver with a fault may report messages
     return seen;
 }
 

@@ -86,7 +86,7 @@ std::string oddOffset(Gpu &gpu)
     return statesOfMicromap(gpu, *built(gpu, std::move(input)));
 }
 
-// Two triangles that differ in the last micro-triangle.
+// Two triangles that differ in their last micro-triangle.
 std::string differAtEnd(Gpu &gpu)
 {
     constexpr uint32_t kLevel = 4, kLast = 255;
@@ -151,7 +151,7 @@ std::string lossy(Gpu &gpu)
     return statesWithin(gpu, one(1, kFourState, {0, 1, 1, 3}), 1, {0, 1, 2, 3}, kLossy);
 }
 
-// On a second device, which is made while the first one has micromaps.
+// On a second device, created while the first one has micromaps.
 std::string lossyOnTwin(Gpu &gpu)
 {
     const MicromapInput input = one(1, kFourState, {0, 1, 2, 3});
@@ -167,7 +167,7 @@ std::string lossyOnTwin(Gpu &gpu)
     return statesAt(gpu.twin(), scene.tlas(), places);
 }
 
-// Whether equal lossy micromaps have equal states.
+// Checks that equal lossy micromaps have equal states.
 std::string lossyInMany(Gpu &gpu)
 {
     std::vector<std::unique_ptr<Micromap>> all; // each has an address of its own

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a process of tests needs of the operating system before anything else.
+// Preparation of a test process by calls of the operating system.
 #pragma once
 
 #include <string>

@@ -33,7 +33,7 @@ namespace
         return;
     }
     unsetenv(kDone);
-    // From now on threads have the stacks of these.
+    // Later threads reuse the stacks of these.
     std::array<std::thread, 32> threads;
     std::barrier all(static_cast<ptrdiff_t>(threads.size()));
     for (std::thread &thread : threads)

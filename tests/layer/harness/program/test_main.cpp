@@ -15,7 +15,7 @@
 #include "harness/program/process.h"
 
 #if defined(__SANITIZE_ADDRESS__)
-// Blocks that libraries which are not ours leave behind. Lavapipe 25 leaks one for each vkCmdBindVertexBuffers2 with a
+// Blocks that libraries of others leak. Lavapipe 25 leaks one for each vkCmdBindVertexBuffers2 with a
 // size, for instance. Only a function that is visible replaces the sanitizer's.
 extern "C" __attribute__((visibility("default"))) const char *__lsan_default_suppressions();
 extern "C" const char *__lsan_default_suppressions()

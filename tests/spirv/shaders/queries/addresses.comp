@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Already uses physical addresses, and types like ours.
+// Already uses physical addresses, and the types that the rewriter declares.
 #version 460
 #extension GL_EXT_ray_query : require
 #extension GL_EXT_buffer_reference : require

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The custom index of candidates: of a query that nobody else sees, of one that a function advances, and of a committed hit.
+// The custom index of candidates: of a query that is not passed on, of one that a function advances, and of a committed hit.
 #version 460
 #extension GL_EXT_ray_query : require
 layout(local_size_x = 8) in;

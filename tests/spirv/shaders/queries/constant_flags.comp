@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The same mode for all queries: CullNoOpaque | ForceOpacityMicromap2State, and two that the driver understands.
+// All queries have the same mode: CullNoOpaque | ForceOpacityMicromap2State, and two flags that the driver supports.
 #version 460
 #extension GL_EXT_ray_query : require
 #extension GL_EXT_opacity_micromap : require
@@ -8,7 +8,8 @@ layout(binding = 0) uniform accelerationStructureEXT scene;
 layout(binding = 1) buffer Out { uint result[]; };
 layout(push_constant) uniform Push { uint flags; uint mode; };
 
-// By its name, for which newer compilers declare the capability; newer validators miss it where the flag is a constant.
+// Uses the name of the flag, for which newer compilers declare the capability. Newer validators require it where the
+// flag is a constant.
 const uint kMode = gl_RayFlagsCullNoOpaqueEXT | gl_RayFlagsForceOpacityMicromap2StateEXT;
 
 void main()

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// No loop.
+// The query proceeds without a loop.
 #version 460
 #extension GL_EXT_ray_query : require
 layout(local_size_x = 8) in;

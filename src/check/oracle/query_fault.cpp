@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "check/oracle/query_judge.h"
+#include "check/oracle/query_fault.h"
 
 #include <algorithm>
 #include <array>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Judges what a ray query saw.
+// Checks what a ray query observed.
 #pragma once
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 namespace vellum::check::oracle
 {
 
-// Which candidate or hit a fault is about: "instance 0, geometry 1, primitive 5".
+// Identifies the candidate or hit in a fault: "instance 0, geometry 1, primitive 5".
 template <class T>
 std::string numbersOf(const T &x)
 {

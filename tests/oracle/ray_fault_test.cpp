@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The judges of rays find each result that is changed after a right run.
-#include "check/oracle/pipeline_judge.h"
-#include "check/oracle/query_judge.h"
+// The checks of rays (pipeline_fault.h, query_fault.h) find each change to a correct result.
+#include "check/oracle/pipeline_fault.h"
+#include "check/oracle/query_fault.h"
 #include "compare_scenes.h"
 
 namespace
@@ -42,10 +42,10 @@ std::vector<Change<R>> changes()
     };
 }
 
-// Of each kind of change, every one that a ray allows is found. A ray without change is right.
+// Makes one change of every kind that a ray allows, and expects each to be found. Unchanged results are correct.
 template <class R>
 void expectFound(const Scene &scene, const std::vector<R> &results,
-                 const std::function<std::string(const vt::Ray &, const std::vector<Hit> &, const R &)> &judge)
+                 const std::function<std::string(const vt::Ray &, const std::vector<Hit> &, const R &)> &faultOf)
 {
     std::vector<Change<R>> all = changes<R>();
     if constexpr (std::is_same_v<R, vt::Result>) {
@@ -64,13 +64,13 @@ void expectFound(const Scene &scene, const std::vector<R> &results,
         const Hits hits = allHits(scene, scene.rays[i]);
         if (hits.unsure)
             continue;
-        ASSERT_EQ(judge(scene.rays[i], hits.hits, results[i]), "") << "ray " << i;
+        ASSERT_EQ(faultOf(scene.rays[i], hits.hits, results[i]), "") << "ray " << i;
         for (const Change<R> &change : all) {
             R changed = results[i];
             if (!change.apply(changed))
                 continue;
             ++made[change.name];
-            const std::string fault = judge(scene.rays[i], hits.hits, changed);
+            const std::string fault = faultOf(scene.rays[i], hits.hits, changed);
             EXPECT_NE(fault, "") << "ray " << i << ": " << change.name;
             EXPECT_EQ(causeOf(fault).find_first_of("0123456789#"), std::string::npos) << fault;
         }
@@ -80,10 +80,10 @@ void expectFound(const Scene &scene, const std::vector<R> &results,
         EXPECT_GE(count, 5u) << name;
 }
 
-class Judge : public vt::GpuTest
+class RayFaults : public vt::GpuTest
 {
 protected:
-    Judge()
+    RayFaults()
     {
         // A scene in which rays meet boxes and several triangles, some of geometries that promise one invocation.
         Random random(setting("VELLUM_ORACLE_SEED", 10));
@@ -98,7 +98,7 @@ protected:
     Built built_;
 };
 
-TEST_F(Judge, FindsChangedResultsOfQueries)
+TEST_F(RayFaults, FindsChangedResultsOfQueries)
 {
     expectFound<vt::Result>(scene_, vt::Tracer(gpu()).trace(*built_.scene, scene_.rays, kCapacity),
                             [this](const vt::Ray &ray, const std::vector<Hit> &hits, const vt::Result &result) {
@@ -106,7 +106,7 @@ TEST_F(Judge, FindsChangedResultsOfQueries)
                             });
 }
 
-TEST_F(Judge, FindsChangedResultsOfPipelines)
+TEST_F(RayFaults, FindsChangedResultsOfPipelines)
 {
     if (!gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
         GTEST_SKIP() << "no ray tracing pipelines";
@@ -119,14 +119,14 @@ TEST_F(Judge, FindsChangedResultsOfPipelines)
                                     });
 }
 
-// The same results on a device that shows candidates in another order, or shows them again.
+// The same results on a device that reports candidates in another order, or repeats them.
 template <class R>
 R otherwise(const R &result, bool again)
 {
     std::vector<size_t> order;
     for (size_t i = 0; i < result.candidates.size(); ++i)
         order.insert(order.end(), again ? 2 : 1, i);
-    // From the farthest to the nearest no candidate is beyond a hit that was confirmed before.
+    // Sorted from the farthest to the nearest, no candidate is beyond a confirmed hit.
     if (!again)
         std::ranges::stable_sort(order, std::greater{}, [&](size_t i) { return result.candidates[i].t; });
     R other = result;
@@ -142,10 +142,10 @@ R otherwise(const R &result, bool again)
     return other;
 }
 
-// No judge says anything of them, unless a geometry has VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR.
+// Expects that the result is accepted, unless a geometry has VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR.
 template <class R>
 void expectAllowed(const Scene &scene, const std::vector<R> &results,
-                   const std::function<std::string(const vt::Ray &, const std::vector<Hit> &, const R &)> &judge)
+                   const std::function<std::string(const vt::Ray &, const std::vector<Hit> &, const R &)> &faultOf)
 {
     uint32_t reordered = 0, repeated = 0, promised = 0;
     for (size_t i = 0; i < results.size(); ++i) {
@@ -153,18 +153,18 @@ void expectAllowed(const Scene &scene, const std::vector<R> &results,
         if (hits.unsure || results[i].candidates.empty())
             continue;
         const R sorted = otherwise(results[i], false);
-        EXPECT_EQ(judge(scene.rays[i], hits.hits, sorted), "") << "ray " << i;
+        EXPECT_EQ(faultOf(scene.rays[i], hits.hits, sorted), "") << "ray " << i;
         reordered += sorted.candidates.front().primitive != results[i].candidates.front().primitive ? 1u : 0u;
         const bool once = std::ranges::any_of(results[i].candidates, [&](const vt::Candidate &c) {
             return !c.box() && scene.objects[scene.instances[c.instance].object].meshes[c.geometry].noDuplicates;
         });
-        EXPECT_EQ(judge(scene.rays[i], hits.hits, otherwise(results[i], true)) != "", once) << "ray " << i;
+        EXPECT_EQ(faultOf(scene.rays[i], hits.hits, otherwise(results[i], true)) != "", once) << "ray " << i;
         ++(once ? promised : repeated);
     }
     EXPECT_GE(std::min({reordered, repeated, promised}), 5u) << reordered << ' ' << repeated << ' ' << promised;
 }
 
-TEST_F(Judge, AllowsOtherCandidatesOfQueries)
+TEST_F(RayFaults, AllowsOtherCandidatesOfQueries)
 {
     expectAllowed<vt::Result>(scene_, vt::Tracer(gpu()).trace(*built_.scene, scene_.rays, kCapacity),
                               [this](const vt::Ray &ray, const std::vector<Hit> &hits, const vt::Result &result) {
@@ -172,7 +172,7 @@ TEST_F(Judge, AllowsOtherCandidatesOfQueries)
                               });
 }
 
-TEST_F(Judge, AllowsOtherCandidatesOfPipelines)
+TEST_F(RayFaults, AllowsOtherCandidatesOfPipelines)
 {
     if (!gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
         GTEST_SKIP() << "no ray tracing pipelines";
@@ -185,8 +185,8 @@ TEST_F(Judge, AllowsOtherCandidatesOfPipelines)
                                       });
 }
 
-// What is tolerated where Vellum's layer emulates is a fault elsewhere.
-TEST_F(Judge, ToleratesNothingOnOtherDevices)
+// Deviations that are tolerated where Vellum's layer emulates are faults elsewhere.
+TEST_F(RayFaults, ToleratesNothingOnOtherDevices)
 {
     if (!gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
         GTEST_SKIP() << "no ray tracing pipelines";

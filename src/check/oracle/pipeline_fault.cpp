@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "check/oracle/pipeline_judge.h"
+#include "check/oracle/pipeline_fault.h"
 
-#include "check/oracle/query_judge.h"
+#include "check/oracle/query_fault.h"
 
 #include <algorithm>
 #include <cmath>
@@ -148,11 +148,11 @@ std::string tableRule(const Scene &scene, const TracedBy &by, bool relay)
 namespace
 {
 
-class PipelineJudge
+class PipelineFaults
 {
 public:
-    PipelineJudge(const Scene &scene, const Ray &ray, const std::vector<Hit> &hits, const PipelineResult &result,
-                  const Tolerance &tolerance, const TracedBy &by)
+    PipelineFaults(const Scene &scene, const Ray &ray, const std::vector<Hit> &hits, const PipelineResult &result,
+                   const Tolerance &tolerance, const TracedBy &by)
         : scene_(scene), ray_(ray), hits_(hits), result_(result), tolerance_(tolerance), by_(by),
           groups_(hitGroups(by.flags))
     {
@@ -165,8 +165,8 @@ public:
             return "payload changed";
         if (result_.candidateCount > kCapacity || result_.visitCount > kCapacity)
             return "too many shader invocations";
-        for (const auto &check : {&PipelineJudge::visitFault, &PipelineJudge::candidateFault,
-                                  &PipelineJudge::committedFault, &PipelineJudge::leftOut}) {
+        for (const auto &check : {&PipelineFaults::visitFault, &PipelineFaults::candidateFault,
+                                  &PipelineFaults::committedFault, &PipelineFaults::missingFault}) {
             const std::string what = (this->*check)();
             if (!what.empty())
                 return what;
@@ -190,12 +190,12 @@ private:
     {
         return data == (by_.table.content == RecordData::None ? kUnknownResult : by_.data + first + record);
     }
-    [[nodiscard]] bool asks(const Hit &hit) const
+    [[nodiscard]] bool isCandidate(const Hit &hit) const
     {
         const TracerGroup *group = groupOf(hit);
         return hit.opacity == Opacity::NonOpaque && group != nullptr && group->anyHit;
     }
-    [[nodiscard]] bool accepts(const Hit &hit) const { return !asks(hit) || confirms(ray_, hit); }
+    [[nodiscard]] bool accepts(const Hit &hit) const { return !isCandidate(hit) || confirms(ray_, hit); }
     [[nodiscard]] bool hasClosestHit(const Hit &hit) const
     {
         const TracerGroup *group = groupOf(hit);
@@ -269,7 +269,7 @@ private:
             const Candidate &c = result_.candidates[i];
             const CandidateNote &note = result_.notes[i];
             const Hit *hit = find(c, c.box());
-            if (hit == nullptr || !asks(*hit)) {
+            if (hit == nullptr || !isCandidate(*hit)) {
                 const bool byOpacity = !c.box() && (hit == nullptr || hit->opacity == Opacity::Opaque);
                 return byOpacity ? opacityFault(scene_, ray_, c, "a candidate to an any-hit shader")
                                  : describe("an any-hit shader ran that should not", c);
@@ -363,8 +363,8 @@ private:
         return describe("the committed hit is not the nearest", result_);
     }
 
-    // Nearer than the hit that stays, nothing may have been left out.
-    std::string leftOut()
+    // No candidate nearer than the final hit may be missing.
+    std::string missingFault()
     {
         if (end() != nullptr || ((ray_.flags & kRayTerminateOnFirstHit) != 0 && result_.committed != kNone))
             return {};
@@ -372,12 +372,12 @@ private:
             if (!h.certain || h.t > limit_ - 1e-3)
                 continue;
             if (h.box && groupOf(h) && !seen(result_.visits, h))
-                return describe("a box was left out", h);
-            if (!h.box && asks(h) && !seen(result_.candidates, h))
+                return describe("a box is missing", h);
+            if (!h.box && isCandidate(h) && !seen(result_.candidates, h))
                 return opacityFault(scene_, ray_, h, "none");
-            if (h.box && asks(h) && ray_.generate > 0 && double{ray_.generate} < limit_ - 1e-3 &&
+            if (h.box && isCandidate(h) && ray_.generate > 0 && double{ray_.generate} < limit_ - 1e-3 &&
                 !seen(result_.candidates, h))
-                return describe("a reported hit was left out", h);
+                return describe("a reported hit is missing", h);
         }
         return {};
     }
@@ -409,7 +409,7 @@ std::string pipelineFault(const Scene &scene, const Ray &ray, const std::vector<
     };
     std::vector<Hit> left;
     std::ranges::remove_copy_if(hits, std::back_inserter(left), skipped);
-    return PipelineJudge(scene, ray, left, result, tolerance, by).fault();
+    return PipelineFaults(scene, ray, left, result, tolerance, by).fault();
 }
 
 } // namespace vellum::check::oracle

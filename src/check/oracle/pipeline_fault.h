@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Judges what the shaders of a ray tracing pipeline saw.
+// Checks what the shaders of a ray tracing pipeline observed.
 #pragma once
 
 #include <string>
@@ -23,7 +23,7 @@ struct TablePlan {
     std::vector<HitRecord> records;
     std::optional<uint32_t> length; // hit records; nothing: as many as the scene reaches
     uint32_t misses = 1;            // miss records
-    bool nullMiss = false;          // that of the rays is a zero record
+    bool nullMiss = false;          // the miss record of the rays is zero
     RecordData content = RecordData::Word;
     TableLayout layout;
 
