@@ -73,14 +73,15 @@ void run(const gpu::DeviceInfo &off, const gpu::DeviceInfo &on, unsigned repetit
          [](gpu::Device &device) { buildMicromap(device, VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT); }, true},
         {"and a first build of a structure",
          [&](gpu::Device &device) { const render::World world(device, scene, {}); }},
-        {"and a first pipeline with ray queries",
-         [&](gpu::Device &device) { const render::Renderer renderer(device, scene, {}, settings); }},
     };
-    render::RenderSettings pipelines = settings;
-    pipelines.trace = render::Trace::Pipeline;
-    if (on.rayTracingPipelines)
-        steps.push_back({"and a first ray tracing pipeline",
-                         [&](gpu::Device &device) { const render::Renderer renderer(device, scene, {}, pipelines); }});
+    for (const render::Trace trace : render::tracesOf(on)) {
+        settings.trace = trace;
+        steps.push_back({trace == render::Trace::Query ? "and a first pipeline with ray queries"
+                                                       : "and a first ray tracing pipeline",
+                         [&scene, settings](gpu::Device &device) {
+                             const render::Renderer renderer(device, scene, {}, settings);
+                         }});
+    }
     fmt::print("{}, {}, median of {}, milliseconds of CPU\n\n"
                "| what is made and destroyed | extension | layer off | layer on | on - off | on/off |\n"
                "|---|---|--:|--:|--:|--:|\n",

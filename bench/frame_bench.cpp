@@ -127,9 +127,7 @@ void measureApis(const Options &options, const gpu::DeviceInfo &info, render::Re
 {
     gpu::Device khr(info, gpu::Api::Khr);
     gpu::Device ext(info, gpu::Api::Ext);
-    std::vector<render::Trace> traces = {render::Trace::Query};
-    if (info.rayTracingPipelines)
-        traces.push_back(render::Trace::Pipeline);
+    const std::vector<render::Trace> traces = render::tracesOf(info);
     fmt::print("| scene | rays by | level | alpha test | micromap bytes khr / ext | candidates/ray khr / ext "
                "| ms khr / ext | time khr/ext | differing pixels |\n|---|---|--:|---|--:|--:|--:|--:|--:|\n");
     for (const auto &file : scenesOf(options)) {
@@ -157,20 +155,19 @@ void run(const Options &options)
     const gpu::DeviceInfo info = gpu::DeviceSelection(options.device).from(with);
     gpu::requireMicromaps(info, options.api, with.hasLayers());
     const bool both = info.khrMicromaps && info.extMicromaps;
-    const bool pipelines = info.rayTracingPipelines;
     gpu::Device bare(gpu::DeviceSelection(options.device).from(without), std::nullopt);
     gpu::Device layered(info, options.api);
     const cli::TimedDevices devices{bare, layered};
     fmt::print("{}, micromaps: {}, {}. {} x {} pixels, median of {}.{}{}\n\n", info.name, gpu::extensionOf(options.api),
                info.implementation, settings.width, settings.height, options.repetitions,
-               pipelines ? "" : " There are no ray tracing pipelines.",
+               info.rayTracingPipelines ? "" : " There are no ray tracing pipelines.",
                both ? "" : " There is only one of the extensions.");
     std::fflush(stdout);
 
     std::vector<render::Trace> traces;
-    if (wants(options, "queries"))
+    if (wants(options, "queries") && info.rayQueries)
         traces.push_back(render::Trace::Query);
-    if (wants(options, "pipelines") && pipelines)
+    if (wants(options, "pipelines") && info.rayTracingPipelines)
         traces.push_back(render::Trace::Pipeline);
     if (!traces.empty()) {
         const std::vector<Row> rows = measureFrames(options, devices, settings, traces);
@@ -181,13 +178,10 @@ void run(const Options &options)
     if (wants(options, "apis") && both)
         measureApis(options, info, settings);
     if (wants(options, "creation")) {
-        std::vector<render::Trace> all = {render::Trace::Query};
-        if (pipelines)
-            all.push_back(render::Trace::Pipeline);
         const render::RenderScene scene = render::prepareScene(cli::loadScene(scenesOf(options).front()), 1);
         const ProgressLine progress("making pipelines");
         std::vector<cli::PipelineTiming> results;
-        for (const render::Trace trace : all)
+        for (const render::Trace trace : render::tracesOf(info))
             for (const cli::PipelineTiming &timing : cli::measurePipelines(
                      devices, scene, trace, options.levels.front(), [] {},
                      [&](size_t pairs) { return pairs < options.repetitions; }))

@@ -164,18 +164,20 @@ int main(int argc, char **argv)
     size_t megabytes = 64;
     unsigned repetitions = 7;
     bool unaligned = false;
+    std::optional<std::string> wanted;
     std::optional<std::filesystem::path> layerPath;
     app.add_option("--levels", levels, "subdivision levels");
     app.add_option("--megabytes", megabytes, "size of each micromap");
     app.add_option("--repetitions", repetitions, "builds of each kind");
     app.add_flag("--unaligned", unaligned,
                  "a triangle of level 0 comes first, and all data behind it, without padding");
+    app.add_option("-d,--device", wanted, "the Vulkan device: a number or a part of its name");
     app.add_option("--layer-path", layerPath, "folder of the layer's manifest");
     CLI11_PARSE(app, argc, argv);
     try {
         gpu::offerLayer(layerPath);
         const gpu::Instance instance(true);
-        gpu::Device device(gpu::DeviceSelection().from(instance), gpu::Api::Ext);
+        gpu::Device device(gpu::DeviceSelection(wanted).from(instance), gpu::Api::Ext);
         fmt::print("| level | format | flags | triangles | MB | build, GB/s | copy, GB/s | build/copy | fastest |\n"
                    "|--:|---|---|--:|--:|--:|--:|--:|--:|\n");
         for (const Flags &flags : kFlags)

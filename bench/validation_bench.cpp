@@ -61,9 +61,7 @@ void compare(const Side &off, const Side &on, const char *parts, unsigned repeti
     row("the builds of a scene", [&](const Side &side) {
         return milliseconds([&] { const render::World world(*side.device, scene, baked.micromaps()); });
     });
-    for (const render::Trace trace : {render::Trace::Query, render::Trace::Pipeline}) {
-        if (trace == render::Trace::Pipeline && !off.info.rayTracingPipelines)
-            continue;
+    for (const render::Trace trace : render::tracesOf(off.info)) {
         render::RenderSettings settings;
         settings.width = 320;
         settings.height = 180;

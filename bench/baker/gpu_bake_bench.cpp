@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // vellum-gpu-bake-bench: the baker on the GPU compared with the one on the CPU, on the triangles and texture of
-// vellum-bake-bench. On a driver that runs on the CPU (lavapipe), compare CPU time; on others, elapsed time.
+// vellum-bake-bench. On a driver that runs on the CPU (lavapipe), compare CPU time; on others, elapsed time. The exit
+// status is 1 if they contradict each other.
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
@@ -161,7 +162,8 @@ Score score(const Micromap &gpu, const Micromap &cpu)
     return score;
 }
 
-void compare(const Settings &settings, const std::string &level, const bench::BakeMesh &mesh, GpuBake &gpu)
+// Returns false where a state is the contrary of what the CPU baker knows.
+bool compare(const Settings &settings, const std::string &level, const bench::BakeMesh &mesh, GpuBake &gpu)
 {
     BakeOptions options;
     options.threads = settings.threads;
@@ -194,6 +196,7 @@ void compare(const Settings &settings, const std::string &level, const bench::Ba
                cpuTimes.cpu, cpuTimes.wall, gpuTimes.cpu, gpuTimes.wall, 100 * result.unknown, 1e6 * result.needless,
                result.wrong, 1e6 * result.more);
     std::fflush(stdout);
+    return result.wrong == 0;
 }
 
 } // namespace
@@ -226,9 +229,10 @@ try {
     GpuBake gpu(device, texture, settings.size, mesh.triangles);
     fmt::print("{}\n{:>5} {:>12} {:>10} {:>12} {:>10} {:>10} {:>12} {:>6} {:>12}\n", info.name, "level", "CPU baker",
                "wall", "GPU baker", "wall", "unknown", "needless/M", "wrong", "more/M");
+    bool agree = true;
     for (const std::string &level : settings.levels)
-        compare(settings, level, mesh, gpu);
-    return 0;
+        agree &= compare(settings, level, mesh, gpu);
+    return agree ? 0 : 1;
 } catch (const std::exception &e) {
     fmt::print(stderr, "vellum-gpu-bake-bench: {}\n", e.what());
     return 1;

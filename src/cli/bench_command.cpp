@@ -22,7 +22,7 @@ namespace
 struct Found {
     std::string name;
     std::string ext = "none", khr = "none";
-    bool rayTracingPipelines = false;
+    bool rayQueries = false, rayTracingPipelines = false;
 };
 
 Found foundBy(const PartResult &result)
@@ -37,6 +37,7 @@ Found foundBy(const PartResult &result)
     found.name = row["name"].GetString();
     found.ext = row["VK_EXT_opacity_micromap"].GetString();
     found.khr = row["VK_KHR_opacity_micromap"].GetString();
+    found.rayQueries = row["rayQueries"].GetBool();
     found.rayTracingPipelines = row["rayTracingPipelines"].GetBool();
     return found;
 }
@@ -48,7 +49,7 @@ struct Implementation {
 };
 
 // The parts that measure, with the seconds of each. The self-check is first: of a wrong device no time matters.
-std::vector<Part> partsOf(const std::vector<Implementation> &implementations, bool rayTracingPipelines, double seconds)
+std::vector<Part> partsOf(const std::vector<Implementation> &implementations, const Found &device, double seconds)
 {
     struct Share {
         PartKind kind;
@@ -63,7 +64,8 @@ std::vector<Part> partsOf(const std::vector<Implementation> &implementations, bo
     std::vector<Part> parts;
     double all = 0;
     for (const Share &share : kShares) {
-        if (share.kind == PartKind::Frames && share.trace == render::Trace::Pipeline && !rayTracingPipelines)
+        const bool traces = share.trace == render::Trace::Query ? device.rayQueries : device.rayTracingPipelines;
+        if (share.kind == PartKind::Frames && !traces)
             continue;
         for (const Implementation &one : implementations) {
             parts.push_back({share.kind, one.setting, one.api, share.trace, share.part});
@@ -85,7 +87,7 @@ public:
     {
         std::vector<Implementation> implementations;
         const Found emulated = describe("emulated");
-        pipelines_ = emulated.rayTracingPipelines;
+        device_ = emulated;
         fmt::print("Device: {}\n", emulated.name);
         std::fflush(stdout);
         if (emulated.khr == "emulated")
@@ -93,7 +95,8 @@ public:
         if (describe("ext").khr == "translated")
             implementations.push_back({"ext", gpu::Api::Khr});
         const Found own = describe("driver");
-        pipelines_ = pipelines_ || own.rayTracingPipelines;
+        if (device_.name.empty())
+            device_ = own;
         if (own.khr == "driver")
             implementations.push_back({"driver", gpu::Api::Khr});
         else if (own.ext == "driver")
@@ -102,8 +105,7 @@ public:
     }
     void measure(const std::vector<Implementation> &implementations)
     {
-        const std::vector<Part> parts =
-            partsOf(implementations, pipelines_, std::max(options_.seconds - elapsed(), 10.0));
+        const std::vector<Part> parts = partsOf(implementations, device_, std::max(options_.seconds - elapsed(), 10.0));
         for (const Part &part : parts) {
             if (Interruptible::interrupted())
                 return;
@@ -134,7 +136,7 @@ private:
 
     const BenchOptions &options_;
     std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
-    bool pipelines_ = false;
+    Found device_;
     std::vector<PartResult> results_;
 };
 

@@ -348,6 +348,18 @@ Loaded load(const RenderOptions &options)
     return {readScene(document), wanted ? readMicromaps(document) : StoredMicromaps{}};
 }
 
+render::Trace traceOf(const RenderOptions &options, const gpu::DeviceInfo &device)
+{
+    if (!device.rayTracingPipelines && options.trace == render::Trace::Pipeline)
+        throw Error(device.name +
+                    " has no ray tracing pipelines (VK_KHR_ray_tracing_pipeline); --trace query does without");
+    if (!device.rayQueries && options.mode == Mode::States)
+        throw Error(device.name + " has no ray queries (VK_KHR_ray_query), by which --mode states draws");
+    if (!device.rayQueries && options.trace == render::Trace::Query)
+        throw Error(device.name + " has no ray queries (VK_KHR_ray_query); --trace pipeline does without");
+    return options.trace.value_or(render::tracesOf(device).front());
+}
+
 } // namespace
 
 Scene loadScene(const std::optional<std::filesystem::path> &file)
@@ -355,7 +367,7 @@ Scene loadScene(const std::optional<std::filesystem::path> &file)
     return file ? readGltf(*file) : render::makeGrove();
 }
 
-int renderCommand(const RenderOptions &options)
+int renderCommand(RenderOptions options)
 {
     for (const std::filesystem::path &path : picturesOf(options, true))
         checkWritable(path, options.force);
@@ -380,9 +392,7 @@ int renderCommand(const RenderOptions &options)
     const gpu::DeviceInfo info = options.device.from(instance);
     if (tracesMicromaps(options))
         gpu::requireMicromaps(info, options.api, instance.hasLayers());
-    if (options.settings.trace == render::Trace::Pipeline && !info.rayTracingPipelines)
-        throw Error(info.name +
-                    " has no ray tracing pipelines (VK_KHR_ray_tracing_pipeline); --trace query does without");
+    options.settings.trace = traceOf(options, info);
     printScene(options, info, scene);
     if (options.mode == Mode::Alpha) {
         gpu::Device device(info, apiOf(options, false));

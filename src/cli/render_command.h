@@ -22,6 +22,7 @@ struct RenderOptions {
     Mode mode = Mode::Micromaps;
     gpu::Api api = gpu::Api::Khr;
     render::RenderSettings settings;
+    std::optional<render::Trace> trace; // instead of the first that the device has
     BakeOptions bake;
     uint32_t instances = 1;
     std::optional<uint32_t> frames; // to time, or pairs of them; without, as many as it takes
@@ -43,7 +44,7 @@ const std::map<std::string, gpu::Api> &micromapApis();
 void parseSize(const std::string &text, render::RenderSettings &settings);
 
 // Renders, writes the pictures and prints what was done on stdout. Returns the exit code.
-int renderCommand(const RenderOptions &options);
+int renderCommand(RenderOptions options);
 
 // The scene of a file, or the grove.
 Scene loadScene(const std::optional<std::filesystem::path> &file);

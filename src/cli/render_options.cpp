@@ -70,7 +70,7 @@ struct RawOptions {
     std::optional<std::filesystem::path> operand; // OUT
     std::optional<std::filesystem::path> output;  // -o
     std::string mode = "omm";
-    std::string trace = "query";
+    std::string trace;
     std::string api = "khr";
     std::string size;
     std::string level = "auto";
@@ -103,9 +103,11 @@ void declarePicture(CLI::App &command, RenderOptions &options, RawOptions &raw)
     takesWords(*command.add_option("-m,--mode", raw.mode, "What to draw: see below [omm]"),
                {"alpha", "omm", "compare", "states", "heat"});
     command.get_option("--mode")->take_last(); // scripts/demo puts its own before its user's
-    takesWords(*command.add_option("-t,--trace", raw.trace,
-                                   "Ray queries in a compute shader, or a ray tracing pipeline [query]"),
-               {"query", "pipeline"});
+    takesWords(
+        *command.add_option("-t,--trace", raw.trace,
+                            "Ray queries in a compute shader, or a ray tracing pipeline [query, if the device has "
+                            "ray queries]"),
+        {"query", "pipeline"});
     command.add_option("-s,--size", raw.size, "Width and height in pixels [1280x720]")->type_name("WxH");
     command.add_option("--samples", options.settings.samples, "Rays per pixel, averaged: 1 to 256 [1]")
         ->check(wholeBetween(1, 256))
@@ -185,7 +187,7 @@ void checkTogether(const RenderOptions &options, const RawOptions &raw)
         throw UsageError("--json is for --mode compare");
     if (options.sideBySide && options.mode != Mode::States && options.mode != Mode::Heat)
         throw UsageError("--side-by-side is for --mode states and --mode heat");
-    if (options.mode == Mode::States && options.settings.trace != render::Trace::Query)
+    if (options.mode == Mode::States && options.trace == render::Trace::Pipeline)
         throw UsageError("--mode states draws by ray queries, without --trace pipeline");
     if ((options.mode == Mode::States || options.mode == Mode::Heat) && options.frames)
         throw UsageError("--mode " + raw.mode + " times nothing, so it takes no --frames");
@@ -198,7 +200,8 @@ void finishRender(RenderOptions &options, const RawOptions &raw)
     options.bake.level = parseLevel(raw.level);
     options.bake.format = raw.states == "2" ? Format::TwoState : Format::FourState;
     options.mode = kModes.at(raw.mode);
-    options.settings.trace = kTraces.at(raw.trace);
+    if (!raw.trace.empty())
+        options.trace = kTraces.at(raw.trace);
     options.api = micromapApis().at(raw.api);
     options.layer = !raw.noLayer;
     for (const CLI::Option *option : raw.bakes)

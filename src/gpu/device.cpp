@@ -226,7 +226,8 @@ void Device::createDevice()
         chain(vulkan13);
     }
     chain(structures);
-    chain(queries);
+    if (has(VK_KHR_RAY_QUERY_EXTENSION_NAME))
+        chain(queries);
     if (has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
         chain(pipelines);
     if (has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))

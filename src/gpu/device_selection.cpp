@@ -59,7 +59,7 @@ DeviceInfo describe(VkPhysicalDevice device)
     info.type = properties.deviceType;
     info.extensions = extensionsOf(device);
     const std::set<std::string> &extensions = info.extensions;
-    if (properties.apiVersion < VK_API_VERSION_1_3 || !extensions.contains(VK_KHR_RAY_QUERY_EXTENSION_NAME) ||
+    if (properties.apiVersion < VK_API_VERSION_1_3 ||
         !extensions.contains(VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME))
         return info;
     auto addressCommands = vkInit<VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR>();
@@ -67,17 +67,18 @@ DeviceInfo describe(VkPhysicalDevice device)
     auto extMicromap = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>();
     auto pipelines = vkInit<VkPhysicalDeviceRayTracingPipelineFeaturesKHR>();
     auto rayQuery = vkInit<VkPhysicalDeviceRayQueryFeaturesKHR>();
+    auto features = vkInit<VkPhysicalDeviceFeatures2>();
     const auto add = [&](auto &feature, const char *extension) {
         if (extensions.contains(extension))
-            feature.pNext = std::exchange(rayQuery.pNext, &feature);
+            feature.pNext = std::exchange(features.pNext, &feature);
     };
+    add(rayQuery, VK_KHR_RAY_QUERY_EXTENSION_NAME);
     add(addressCommands, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
     add(khrMicromap, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
     add(extMicromap, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
     add(pipelines, VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME);
-    auto features = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &rayQuery});
     vkGetPhysicalDeviceFeatures2(device, &features);
-    info.rayQuery = rayQuery.rayQuery == VK_TRUE;
+    info.rayQueries = rayQuery.rayQuery == VK_TRUE;
     info.rayTracingPipelines = pipelines.rayTracingPipeline == VK_TRUE;
     info.khrMicromaps = khrMicromap.micromap == VK_TRUE && addressCommands.deviceAddressCommands == VK_TRUE;
     info.extMicromaps = extMicromap.micromap == VK_TRUE;
@@ -171,19 +172,19 @@ DeviceInfo DeviceSelection::from(std::span<const DeviceInfo> devices) const
         if (text_ && !(byNumber ? number() == d.number : contains(d.name, *text_)))
             continue;
         named = named != nullptr ? named : &d;
-        if (d.rayQuery && (best == nullptr || rank(d.type) > rank(best->type)))
+        if (d.tracesRays() && (best == nullptr || rank(d.type) > rank(best->type)))
             best = &d;
     }
     if (best != nullptr)
         return *best;
     if (!text_)
-        throw std::runtime_error("no Vulkan device has ray queries (VK_KHR_ray_query and Vulkan 1.3); there is " +
+        throw std::runtime_error("no Vulkan device has Vulkan 1.3 and ray queries or ray tracing pipelines; there is " +
                                  listOf(devices));
     if (named == nullptr)
         throw std::runtime_error("--device " + *text_ +
                                  " is neither the number of a Vulkan device nor a part of the name of one; " +
                                  "there is " + listOf(devices));
-    throw std::runtime_error("the Vulkan device " + named->name + " has no ray queries");
+    throw std::runtime_error("the Vulkan device " + named->name + " has neither ray queries nor ray tracing pipelines");
 }
 
 } // namespace vellum::gpu

@@ -22,12 +22,13 @@ struct DeviceInfo {
     std::string name;
     std::set<std::string> extensions;
     VkPhysicalDeviceType type = VK_PHYSICAL_DEVICE_TYPE_OTHER;
-    bool rayQuery = false; // with Vulkan 1.3 and acceleration structures
-    bool rayTracingPipelines = false;
-    bool khrMicromaps = false; // of the driver or a layer
+    bool rayQueries = false;          // with Vulkan 1.3 and acceleration structures
+    bool rayTracingPipelines = false; // likewise
+    bool khrMicromaps = false;        // of the driver or a layer
     bool extMicromaps = false;
     std::string implementation; // of micromaps, in words
 
+    [[nodiscard]] bool tracesRays() const { return rayQueries || rayTracingPipelines; }
     [[nodiscard]] bool has(Api api) const { return api == Api::Khr ? khrMicromaps : extMicromaps; }
 };
 
@@ -35,7 +36,7 @@ struct DeviceInfo {
 std::vector<DeviceInfo> listDevices(const Instance &instance);
 
 // Selects a device, as --device does: a text of digits is a number in Vulkan's list and nothing else, any other text a
-// part of a name. Of several, and without a text of all, the most powerful kind that has ray queries, and the first of
+// part of a name. Of several, and without a text of all, the most powerful kind that traces rays, and the first of
 // these.
 class DeviceSelection
 {

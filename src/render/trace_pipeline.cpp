@@ -116,6 +116,16 @@ private:
 
 } // namespace
 
+std::vector<Trace> tracesOf(const gpu::DeviceInfo &device)
+{
+    std::vector<Trace> traces;
+    if (device.rayQueries)
+        traces.push_back(Trace::Query);
+    if (device.rayTracingPipelines)
+        traces.push_back(Trace::Pipeline);
+    return traces;
+}
+
 TraceStages stagesOf(Trace trace)
 {
     if (trace == Trace::Query)

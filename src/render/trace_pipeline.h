@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "gpu/device.h"
 
@@ -11,6 +12,9 @@ namespace vellum::render
 {
 
 enum class Trace { Query, Pipeline };
+
+// The methods that the device supports, in this order; at least one if it traces rays.
+std::vector<Trace> tracesOf(const gpu::DeviceInfo &device);
 
 // The stages in which a pipeline traces.
 struct TraceStages {

@@ -140,6 +140,16 @@ def page_of(listing, values, given):
     return "\n".join(lines) + "\n"
 
 
+def name_as_on(page, listing):
+    """Values of the listing by those of their names that the page has. Newer headers have other names."""
+    others = listing["other names"]
+    for values in listing["values"].values():
+        renamed = {next((each for each in [name, *others.get(name, [])] if each in page), name): number
+                   for name, number in values.items()}
+        values.clear()
+        values.update(renamed)
+
+
 def main():
     words = sys.argv[1:]
     options = words[words.index("--") + 1:] if "--" in words else ["--quick"]
@@ -150,12 +160,13 @@ def main():
         words.remove("--recorded")
     build, page = [pathlib.Path(word).resolve() for word in words if word != "--write"]
     listing = json.loads((build / "tests/layer/recorder/members.json").read_text(encoding="utf-8"))
+    named = set(re.findall(r"^\| ([\w.]+) \|", page.read_text(encoding="utf-8"), re.M)) if page.exists() else set()
+    name_as_on(named, listing)
     values = read(pathlib.Path(recorded)) if recorded else record(build, options)
     everything, missing = gaps(listing, values)
     findings, given = evaluate(missing, reasons())
     if "--write" in sys.argv:
         page.write_text(page_of(listing, values, given), encoding="utf-8")
-    named = set(re.findall(r"^\| ([\w.]+) \|", page.read_text(encoding="utf-8"), re.M)) if page.exists() else set()
     findings += [f"{page.name}: {name} is not listed" for name in everything if name not in named]
     print(*findings, sep="\n")
     print(f"{len(everything)} members, parameters, enumerants and commands: {len(everything) - len(missing)} varied, "

@@ -20,12 +20,12 @@ std::vector<DeviceInfo> devices(std::initializer_list<DeviceInfo> list)
     return all;
 }
 
-DeviceInfo device(const char *name, VkPhysicalDeviceType type, bool rayQuery = true)
+DeviceInfo device(const char *name, VkPhysicalDeviceType type, bool tracesRays = true)
 {
     DeviceInfo info;
     info.name = name;
     info.type = type;
-    info.rayQuery = rayQuery;
+    info.rayTracingPipelines = tracesRays;
     return info;
 }
 
@@ -62,14 +62,15 @@ TEST(ChooseDevice, TheMostPowerful)
     EXPECT_EQ(chosen(all, "pipe"), "0");
 }
 
-TEST(ChooseDevice, RayQueriesAreNeeded)
+TEST(ChooseDevice, DevicesThatTraceRays)
 {
     const auto all = devices({device("Radeon HD", kDiscrete, false), device("Radeon RX", kDiscrete)});
     EXPECT_EQ(chosen(all, std::nullopt), "1");
     EXPECT_EQ(chosen(all, "Radeon"), "1");
-    EXPECT_EQ(chosen(all, "Radeon HD"), "the Vulkan device Radeon HD has no ray queries");
-    EXPECT_EQ(chosen(all, "0"), "the Vulkan device Radeon HD has no ray queries");
+    EXPECT_EQ(chosen(all, "Radeon HD"),
+              "the Vulkan device Radeon HD has neither ray queries nor ray tracing pipelines");
+    EXPECT_EQ(chosen(all, "0"), "the Vulkan device Radeon HD has neither ray queries nor ray tracing pipelines");
     EXPECT_EQ(chosen(devices({device("Radeon HD", kDiscrete, false)}), std::nullopt),
-              "no Vulkan device has ray queries (VK_KHR_ray_query and Vulkan 1.3); there is 0 (Radeon HD)");
+              "no Vulkan device has Vulkan 1.3 and ray queries or ray tracing pipelines; there is 0 (Radeon HD)");
     EXPECT_EQ(chosen({}, "0"), "there is no Vulkan device");
 }

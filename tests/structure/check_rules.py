@@ -8,7 +8,7 @@ the rules that are not checked, in docs/messages.md those that only validation r
 - src/layer has the id of every rule that is checked, and the rule has a test: a file of wrong programs in
   tests/validation that has the id, or suite and case, with "*" for any rest. Rules whose "where" is "open" need neither.
   Where src/layer has only the end of an id ("micromap-11636"), one command with a test stands for all;
-- every rule that src/layer names has a row, and its id is stated once;
+- every rule that src/layer names has a row, which does not call it impossible, and its id is stated once;
 - "without" is what the row of src/layer/rules does with a command that breaks the rule;
 - columns have words that are known.
 
@@ -199,6 +199,8 @@ def wrong_row(row, names, tests, expected):
         yield f"{vuid}: how is empty"
     if missing:
         yield f"{vuid}: there is no test {missing}"
+    if where == "impossible" and vuid in names:
+        yield f"{vuid}: src/layer names it, and where is impossible"
     if where in CHECKED:
         if not is_named(vuid, names):
             yield f"{vuid}: src/layer does not name it"

@@ -71,6 +71,10 @@ class CheckRules(unittest.TestCase):
         self.put("src/layer/base/other.cpp", 'say("VUID-vkMapEXT-a-00001");\n')
         self.expect_finding("src/layer: VUID-vkMapEXT-a-00001 is stated twice", TABLE)
 
+    def test_impossible_rule_in_code(self):
+        self.put("src/layer/base/other.cpp", 'say("VUID-vkRangeKHR-b-00002");\n')
+        self.expect_finding("VUID-vkRangeKHR-b-00002: src/layer names it, and where is impossible", TABLE)
+
     def test_row_with_another_severity(self):
         self.put("src/layer/validation/some.cpp", 'say("VELLUM-VUID-vkMapEXT-a-parameter");\n')
         self.put("src/layer/rules/rows.cpp", 'Rule kRows[] = {{"VUID-vkMapEXT-a-00001", Reject, nullptr, find}};\n')

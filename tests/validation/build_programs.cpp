@@ -269,6 +269,32 @@ void structureBuild(Gpu &gpu, bool wrong)
     });
 }
 
+void updateOfMicromap(Gpu &gpu, bool wrong)
+{
+    const Micromap micromap(gpu, oneTriangle());
+    const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}}, VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR);
+    BuildInfo info = blas.buildInfo();
+    info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
+    info.srcAccelerationStructure = wrong ? micromap.handle().khr : info.dstAccelerationStructure;
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = blas.ranges();
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+    });
+}
+
+void noInstances(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}});
+    Tlas tlas(gpu);
+    tlas.prepare(std::array{instance(blas, {}, 0)});
+    BuildInfo info = tlas.buildInfo();
+    info.geometryCount = wrong ? 0 : 1;
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = tlas.ranges();
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+    });
+}
+
 // Without the feature there is no valid program.
 void sizesWithoutFeature(Gpu &gpu, bool wrong)
 {
@@ -406,6 +432,9 @@ const WrongProgram kPrograms[] = {
      structureBuild<[](BuildInfo &info, auto &) { info.mode = static_cast<VkBuildAccelerationStructureModeKHR>(7); }>},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630", Api::Khr, kNeedsNothing,
      structureBuild<[](BuildInfo &info, auto &) { info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR; }>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-srcAccelerationStructure-04629", Api::Khr, kNeedsNothing,
+     updateOfMicromap},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03790", Api::Khr, kNeedsNothing, noInstances},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710", Api::Khr, kNeedsNothing,
      khrBuild<KHR_CHANGE(build.info.scratchData.deviceAddress += 1)>},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-03698", Api::Khr, kNeedsNothing, sameTarget},

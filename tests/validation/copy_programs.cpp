@@ -103,6 +103,36 @@ void serializeNotBuilt(Gpu &gpu, bool wrong)
     });
 }
 
+// A structure without micromaps, whose data needs an alignment of 256 bytes.
+void serializeStructure(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}});
+    const Buffer memory = serializedMemory(gpu);
+    auto info = vkInit<VkCopyAccelerationStructureToMemoryInfoKHR>(
+        {.src = blas.handle(), .mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR});
+    info.dst.deviceAddress = addressIn(memory, {.offset = wrong ? 64u : 0u});
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        gpu.vk().CmdCopyAccelerationStructureToMemoryKHR(commands, &info);
+    });
+}
+
+void deserializeStructure(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}});
+    const Blas target(gpu, {Geometry{.vertices = triangleRow(1)}});
+    const Buffer memory = serializedMemory(gpu);
+    auto save = vkInit<VkCopyAccelerationStructureToMemoryInfoKHR>(
+        {.src = blas.handle(), .mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR});
+    save.dst.deviceAddress = addressIn(memory, {});
+    gpu.submit([&](VkCommandBuffer commands) { gpu.vk().CmdCopyAccelerationStructureToMemoryKHR(commands, &save); });
+    auto load = vkInit<VkCopyMemoryToAccelerationStructureInfoKHR>(
+        {.dst = target.handle(), .mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR});
+    load.src.deviceAddress = addressIn(memory, {.offset = wrong ? 64u : 0u});
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        gpu.vk().CmdCopyMemoryToAccelerationStructureKHR(commands, &load);
+    });
+}
+
 // `reads`: the command reads from the object without memory; the right one from a micromap that was built.
 template <auto record, bool reads>
 void unbound(Gpu &gpu, bool wrong)
@@ -170,6 +200,8 @@ const WrongProgram kPrograms[] = {
      serialize<Serialized{.null = true}>},
     {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11699", Api::Khr, kNeedsNothing,
      serialize<Serialized{.offset = 64}>, "", "", true},
+    {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03740", Api::Ext, kNeedsNothing, serializeStructure},
+    {"VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03743", Api::Ext, kNeedsNothing, deserializeStructure},
     {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412", Api::Khr, kNeedsNothing,
      serialize<Serialized{.otherMode = true}>},
     {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-04959", Api::Khr, kNeedsNothing, serializeNotBuilt},

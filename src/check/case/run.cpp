@@ -111,6 +111,8 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
             return "micromapHostCommands is not supported";
         if ((micromap.flags & kLossy) != 0 && !gpu.khr())
             return "VK_EXT_opacity_micromap has no lossy builds";
+        if ((micromap.flags & kLossy) != 0 && !gpu.has(VK_KHR_RAY_QUERY_EXTENSION_NAME))
+            return "VK_KHR_ray_query is not supported, by which states of lossy builds are found out";
         if (std::string lacks = missingForMicromap(gpu, micromap.triangles, micromap.flags); !lacks.empty())
             return lacks;
     }

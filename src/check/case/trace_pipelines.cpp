@@ -108,6 +108,8 @@ std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
         !gpu.has(VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME))
         return "neither VK_KHR_maintenance5 nor VK_EXT_graphics_pipeline_library is supported";
     if (!pipeline) {
+        if (!has(gpu, VK_KHR_RAY_QUERY_EXTENSION_NAME, missing))
+            return missing;
         if (plan.shaderObjects && !has(gpu, "VK_EXT_shader_object", missing))
             return missing;
         if (plan.mode != TracePlan::Mode::True && !(gpu.khr() && usesMicromaps(gpu)))

@@ -63,6 +63,18 @@ void useDescriptors(TracePlan &trace)
                        trace.flags == TracePlan::Flags::RunTime;
 }
 
+// On a device without ray queries, cases that are not about ray queries use pipelines.
+void usePipelines(Case &c)
+{
+    const TracePlan &trace = c.trace;
+    const bool plain = trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && trace.query == TracePlan::Query::Plain &&
+                       trace.mode == TracePlan::Mode::True && !trace.otherEntry && !trace.shaderObjects;
+    const bool fits = std::ranges::all_of(
+        c.scene.objects, [](const oracle::Object &o) { return o.meshes.size() <= oracle::kMostGeometries; });
+    if (plain && fits)
+        c.trace.method = TracePlan::Method::Pipeline;
+}
+
 // True if the device's limits allow the triangle in a micromap of these flags.
 bool allowed(const oracle::MicromapTriangle &triangle, VkBuildMicromapFlagsEXT flags, const DeviceLimits &limits)
 {
@@ -123,6 +135,7 @@ DeviceLimits limitsOf(const Device &gpu)
 {
     return {.api = gpu.khr() ? Api::Khr : Api::Ext,
             .byteIndices = gpu.khr() && gpu.has(VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME),
+            .rayQueries = gpu.has(VK_KHR_RAY_QUERY_EXTENSION_NAME),
             .pipelines = gpu.has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME),
             .hostCommands = gpu.hasMicromapHostCommands(),
             .indirectBuilds = gpu.hasIndirectBuilds(),
@@ -412,6 +425,8 @@ Outcome runRandomCase(Session &session, std::string_view group, uint64_t seed, M
     Case c = make(random, session.limits());
     c.group = group;
     c.seed = seed;
+    if (!session.limits().rayQueries)
+        usePipelines(c);
     if (session.limits().has(Fault::AddressWithConstantFlags))
         useDescriptors(c.trace);
     if (session.onlyMakesCases)

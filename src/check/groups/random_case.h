@@ -18,7 +18,8 @@ using oracle::Random;
 struct DeviceLimits {
     Api api = Api::Khr;
     bool byteIndices = false; // VK_INDEX_TYPE_UINT8 for micromaps
-    bool pipelines = false;   // ray tracing pipelines
+    bool rayQueries = true;
+    bool pipelines = false; // ray tracing pipelines
     bool hostCommands = false;
     bool indirectBuilds = false;
     bool hostReset = false;   // of queries

@@ -321,9 +321,7 @@ void measurePipelineCreation(const Part &part, const BenchDevice &wanted)
 {
     Devices devices(part, wanted);
     devices.create(part.api);
-    std::vector<render::Trace> traces = {render::Trace::Query};
-    if (devices.layeredInfo.rayTracingPipelines)
-        traces.push_back(render::Trace::Pipeline);
+    const std::vector<render::Trace> traces = render::tracesOf(devices.layeredInfo);
     const render::RenderScene scene = render::prepareScene(render::makeGrove(), 1);
     const double share = part.seconds / static_cast<double>(traces.size());
     for (const render::Trace trace : traces) {

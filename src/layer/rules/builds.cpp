@@ -386,7 +386,6 @@ constexpr Rule<Build> kExtHostMemory[] = {
      [](const Build &c) { return when(!c.target.hostVisible, "its buffer is not bound to host-visible memory"); }},
     {"VUID-vkBuildMicromapsEXT-pInfos-07553", Depends, "data", noData},
     {"VUID-vkBuildMicromapsEXT-pInfos-07554", Depends, "triangleArray", noTriangles},
-    {"VUID-vkBuildMicromapsEXT-pInfos-07556", Report, "scratchData", noScratch},
     {kStrideId, Depends, "triangleArrayStride", wrongStride},
 };
 constexpr Rule<Build> kKhrMemory[] = {
@@ -541,7 +540,9 @@ constexpr Rule<Structure> kStructure[] = {
      }},
     {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03790", Reject, "geometryCount",
      [](const Structure &c) {
-         return when(c.build.geometries.size() != 1 && c.build.isTopLevel(), [&] {
+         const bool topLevel =
+             c.build.isTopLevel() || c.build.given->type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+         return when(topLevel && c.build.geometries.size() != 1, [&] {
              return std::to_string(c.build.geometries.size()) + "; a top-level structure has one geometry";
          });
      }},

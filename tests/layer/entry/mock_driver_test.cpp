@@ -161,6 +161,15 @@ TEST_F(MockDriver, SmallWorkgroups)
     expectReported("groupCountX-00386");
 }
 
+TEST_F(MockDriver, NoRayQueries)
+{
+    make("noqueries");
+    EXPECT_FALSE(gpu().has(VK_KHR_RAY_QUERY_EXTENSION_NAME));
+    EXPECT_TRUE(gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME));
+    const Tracer tracer(gpu());
+    expectReported("pCode-08740");
+}
+
 TEST_F(MockDriver, FamiliesForOnePurpose)
 {
     make("queues");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The quirks "alignments", "push128", "compute" and "few": limits and features at the ends of what the specification
-// allows. Recorded commands are checked against them.
+// The quirks "alignments", "push128", "compute", "few" and "noqueries": limits and features at the ends of what the
+// specification allows. Recorded commands are checked against them.
 #include "layers/driver.h"
 
 #include <map>
@@ -164,6 +164,21 @@ VKAPI_ATTR void VKAPI_CALL cmdTraceRaysIndirect(VkCommandBuffer handle, const Vk
 std::mutex modulesMutex;
 std::map<VkShaderModule, uint32_t> invocationsOf; // of a workgroup, where a module's code says it
 
+bool lacksQueries(void *key)
+{
+    return has(key, "noqueries");
+}
+
+bool declaresRayQueries(const uint32_t *code, size_t bytes)
+{
+    constexpr uint32_t kCapability = 17, kRayQueryKHR = 4472;
+    const std::span words(code, bytes / sizeof(uint32_t));
+    for (size_t at = 5; at < words.size() && (words[at] & 0xffff) == kCapability; at += words[at] >> 16)
+        if (words[at + 1] == kRayQueryKHR)
+            return true;
+    return false;
+}
+
 // The most of all entry points.
 uint32_t invocationsIn(const uint32_t *code, size_t bytes)
 {
@@ -180,6 +195,8 @@ uint32_t invocationsIn(const uint32_t *code, size_t bytes)
 VKAPI_ATTR VkResult VKAPI_CALL createShaderModule(VkDevice handle, const VkShaderModuleCreateInfo *info,
                                                   const VkAllocationCallbacks *allocator, VkShaderModule *module)
 {
+    if (lacksQueries(keyOf(handle)) && declaresRayQueries(info->pCode, info->codeSize))
+        tell("vkCreateShaderModule: VUID-VkShaderModuleCreateInfo-pCode-08740: RayQueryKHR");
     const VkResult result = DRIVER_NEXT(vkCreateShaderModule)(handle, info, allocator, module);
     std::lock_guard lock(modulesMutex);
     if (result == VK_SUCCESS)
@@ -235,6 +252,10 @@ VKAPI_ATTR void VKAPI_CALL cmdPushConstants(VkCommandBuffer handle, VkPipelineLa
 VKAPI_ATTR void VKAPI_CALL getFeatures2(VkPhysicalDevice handle, VkPhysicalDeviceFeatures2 *features)
 {
     DRIVER_NEXT(vkGetPhysicalDeviceFeatures2)(handle, features);
+    auto *queries = inChainOut<VkPhysicalDeviceRayQueryFeaturesKHR>(
+        features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR);
+    if (queries != nullptr && lacksQueries(keyOf(handle)))
+        queries->rayQuery = VK_FALSE;
     if (!has(keyOf(handle), "few"))
         return;
     if (auto *robustness = inChainOut<VkPhysicalDeviceRobustness2FeaturesEXT>(
@@ -246,6 +267,26 @@ VKAPI_ATTR void VKAPI_CALL getFeatures2(VkPhysicalDevice handle, VkPhysicalDevic
     if (auto *vulkan12 = inChainOut<VkPhysicalDeviceVulkan12Features>(
             features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES))
         vulkan12->drawIndirectCount = VK_FALSE;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, uint32_t *count,
+                                                   VkExtensionProperties *properties)
+{
+    return listExtensions(kLevel, handle, layer, count, properties, [&](std::vector<VkExtensionProperties> &all) {
+        if (lacksQueries(keyOf(handle)))
+            std::erase_if(all, [](const VkExtensionProperties &e) {
+                return std::strcmp(e.extensionName, VK_KHR_RAY_QUERY_EXTENSION_NAME) == 0;
+            });
+    });
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDeviceCreateInfo *info,
+                                            const VkAllocationCallbacks *allocator, VkDevice *device)
+{
+    for (const char *name : std::span(info->ppEnabledExtensionNames, info->enabledExtensionCount))
+        if (lacksQueries(keyOf(handle)) && std::strcmp(name, VK_KHR_RAY_QUERY_EXTENSION_NAME) == 0)
+            return VK_ERROR_EXTENSION_NOT_PRESENT;
+    return DRIVER_NEXT(vkCreateDevice)(handle, info, allocator, device);
 }
 
 } // namespace
@@ -264,6 +305,8 @@ driver::LevelRows driver::limitRows()
         {"vkCmdDispatch", DRIVER_FUNCTION(cmdDispatch)},
     };
     static const Row instance[]{
+        {"vkCreateDevice", DRIVER_FUNCTION(createDevice)},
+        {"vkEnumerateDeviceExtensionProperties", DRIVER_FUNCTION(enumerateExtensions)},
         {"vkGetPhysicalDeviceProperties", DRIVER_FUNCTION(getProperties)},
         {"vkGetPhysicalDeviceProperties2", DRIVER_FUNCTION(getProperties2)},
         {"vkGetPhysicalDeviceFeatures2", DRIVER_FUNCTION(getFeatures2)},

@@ -22,7 +22,8 @@ std::span<const Quirk> allQuirks()
          "a driver that rewrites shaders and structures itself: that copy emulates micromaps on every device, though "
          "it says nothing of them"},
         {"vendors", Level::Vendors,
-         "extensions for ray tracing that do not work together with the layer's micromaps, and one that it does not know, "
+         "extensions for ray tracing that do not work together with the layer's micromaps, and one that it does not "
+         "know, "
          "which the driver only says"},
         {"failures", Level::Failures,
          "commands that a test selects run out of memory, or the device is lost (Lost Device)"},
@@ -44,6 +45,8 @@ std::span<const Quirk> allQuirks()
          "with 16 KiB of shared memory"},
         {"few", Level::Limits,
          "neither nullDescriptor nor indexTypeUint8 nor drawIndirectCount (Feature Requirements)"},
+        {"noqueries", Level::Limits,
+         "no VK_KHR_ray_query, as GPUs for computing have it: rays are traced by ray tracing pipelines alone"},
         {"queues", Level::Queues,
          "queue families for graphics, graphics and compute, compute, and transfers, in this order (Physical Devices)"},
         {"structures", Level::Structures,

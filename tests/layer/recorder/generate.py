@@ -5,8 +5,8 @@ pipelines: C++ that visits every member of every structure that a command takes,
 
 usage: generate.py OUT.inc OUT.json HEADER...
 
-The list has "members", each with its type, "values" of the enumerations and flags that these extensions declare or extend,
-and "commands".
+The list has "members", each with its type, "values" of the enumerations and flags that these extensions declare or extend, each
+with the "other names" of a value, and "commands". The same of older and newer headers, but for what newer ones add.
 """
 import json
 import re
@@ -15,13 +15,15 @@ import sys
 EXTENSIONS = {"VK_KHR_acceleration_structure", "VK_EXT_opacity_micromap", "VK_KHR_opacity_micromap",
               "VK_KHR_ray_tracing_pipeline", "VK_KHR_ray_tracing_maintenance1"}
 # Structures and commands of other extensions and of core.
-STRUCTURES = re.compile(r"VkAccelerationStructure\w*KHR$|VkQueryPoolCreateInfo$|VkTransformMatrixKHR$|VkAabbPositionsKHR$")
+STRUCTURES = re.compile(r"VkAccelerationStructure\w*KHR$|VkStridedDeviceAddressRegionKHR$|VkQueryPoolCreateInfo$|VkTransformMatrixKHR$|VkAabbPositionsKHR$")
 COMMANDS = {"vkCreateQueryPool", "vkGetQueryPoolResults", "vkCmdCopyQueryPoolResults", "vkCmdResetQueryPool", "vkResetQueryPool",
             "vkCreateAccelerationStructure2KHR", "vkGetRayTracingShaderGroupHandlesKHR"}
 # Enumerations of core whose values are listed as far as this pattern goes.
 CORE_VALUES = {"VkIndexType": re.compile(r"VK_INDEX_TYPE_(?!NONE_NV)"),
                "VkQueryType": re.compile(r"VK_QUERY_TYPE_(ACCELERATION_STRUCTURE|MICROMAP)_(?!\w*NV)"),
                "VkQueryResultFlagBits": re.compile(r"VK_QUERY_RESULT_\w+_BIT$")}
+# Values that older headers lack.
+NEWER = {"VkBuildAccelerationStructureFlagBitsKHR": {"VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DATA_ACCESS_BIT_KHR": 0x800}}
 # Structures that the device fills in.
 OUTPUT = re.compile(r"Properties(KHR|EXT)$|Features(KHR|EXT)$|SizesInfo(KHR|EXT)$")
 COUNT_OF = {"pGeometries": "geometryCount", "ppGeometries": "geometryCount", "pUsageCounts": "usageCountsCount",
@@ -39,6 +41,8 @@ class Headers:
         self.handles, self.flags, self.aliases, self.section = set(), {}, {}, {}
         for text in texts:
             self.read(re.sub(r"\\\n", " ", text))
+        for name, values in NEWER.items():
+            self.enumerations[name].update(values)
 
     def read(self, text):
         section = "VK_VERSION_1_0"
@@ -54,9 +58,10 @@ class Headers:
             if found["section"]:
                 section = found["section"]
             elif found["kind"] == "enum":
-                values = re.findall(r"(VK_\w+) = (-?\w+),?$", found["body"], re.M)
-                self.enumerations.setdefault(found["name"], {}).update(
-                    {name: int(number, 0) for name, number in values if not number.startswith("VK_") and "MAX_ENUM" not in name})
+                values = self.enumerations.setdefault(found["name"], {})
+                for name, number in re.findall(r"(VK_\w+) = (-?\w+),?$", found["body"], re.M):
+                    if "MAX_ENUM" not in name:
+                        values[name] = values[number] if number.startswith("VK_") else int(number, 0)
                 self.section.setdefault(found["name"], section)
             elif found["kind"]:
                 members = [MEMBER.match(" ".join(line.split())) for line in found["body"].split(";")]
@@ -69,7 +74,9 @@ class Headers:
             elif found["flags"]:
                 self.flags[found["flags"]] = re.sub(r"Flags(\d?)", r"FlagBits\1", found["flags"])
             elif found["alias"]:
-                self.aliases[found["alias"]] = found["original"]
+                # Either name of a pair may be the alias, in Vulkan's header and in vk/newer.h; the first header decides.
+                if self.resolved(found["original"]) != found["alias"]:
+                    self.aliases.setdefault(found["alias"], found["original"])
             elif found["command"]:
                 self.commands.setdefault(found["command"], [MEMBER.match(" ".join(each.split()))
                                                            for each in found["parameters"].split(",")])
@@ -192,9 +199,9 @@ class Writer:
         self.lines.append(f"    return unlocked(DRIVER_NEXT({name}), {', '.join(names)});\n}}")
 
     def listed(self, structures):
-        """The values of each enumeration that a member has, as far as they belong here."""
-        values = {}
-        for name in {member["values"] for member in self.members.values() if "values" in member}:
+        """The values of each enumeration that a member has, as far as they belong here, and their other names."""
+        values, others = {}, {}
+        for name in sorted({member["values"] for member in self.members.values() if "values" in member}):
             found = self.headers.enumerations.get(name, {})
             if name.endswith(("KHR", "EXT")):
                 values[name] = found
@@ -203,13 +210,14 @@ class Writer:
             else:
                 values[name] = {value: number for value, number in found.items()
                                 if re.search("MICROMAP|RAY_TRACING", value) and not re.search("_NV$|DISPLACEMENT|MOTION", value)}
-        for name, numbers in values.items(): # one name of each value, the shortest, and without vendors'
+        for name, numbers in values.items(): # one name of each value, without vendors'
             by_number = {}
             for value, number in numbers.items():
                 if not re.search(r"_NV$|_AMDX?$|_ARM$|_HUAWEI$", value):
-                    by_number.setdefault(number, value)
-            values[name] = {value: number for number, value in by_number.items()}
-        return values
+                    by_number.setdefault(number, []).append(value)
+            values[name] = {names[0]: number for number, names in by_number.items()}
+            others.update({names[0]: names[1:] for names in by_number.values() if len(names) > 1})
+        return {"values": values, "other names": others}
 
 
 def main():
@@ -220,7 +228,7 @@ def main():
     with open(out, "w", encoding="utf-8") as file:
         file.write("\n".join(writer.lines) + "\n")
     with open(listing, "w", encoding="utf-8") as file:
-        json.dump({"members": writer.members, "values": writer.listed(structures), "commands": commands,
+        json.dump({"members": writer.members, **writer.listed(structures), "commands": commands,
                    "structures": structures}, file, indent=1)
 
 
