@@ -148,9 +148,9 @@ protected:
         buffer->handle = handle<VkBuffer>(address);
         buffer->size = size;
         buffer->usage = ~VkFlags64{0};
-        device.objects.buffers.set(buffer->handle, buffer);
-        device.buffers.addresses.add(address, buffer->handle, size, buffer->usage);
-        return buffer->handle;
+        device.objects.buffers.set(buffer->buffer(), buffer);
+        device.buffers.addresses.add(address, buffer->buffer(), size, buffer->usage);
+        return buffer->buffer();
     }
 
 public:

@@ -15,6 +15,10 @@ void reportCompleted(DeviceValidation &device, bool idle)
     device.gpu.report(idle);
     device.traces.marks.report(device, idle);
     device.traces.traced.report(device);
+    const HeldMessages held;
+    const std::lock_guard lock(device.logs.submissions);
+    device.traces.pending.forgetComplete(
+        device, [&](VkQueue queue, uint64_t batch) { return device.sync.tracker.isPending(uint64_t(queue), batch); });
 }
 
 namespace validation
@@ -52,20 +56,20 @@ const char *invalidIdOf(const VkSubmitInfo2 &)
     return "VUID-vkQueueSubmit2-commandBuffer-03874";
 }
 
-void execute(DeviceValidation &device, VkQueue queue, const SharedSteps &steps, const char *invalidId, bool ordered)
+void execute(DeviceValidation &device, Submission submission, const SharedSteps &steps)
 {
     if (!steps)
         return;
-    auto &waits = device.logs.waits[queue];
+    auto &waits = device.logs.waits[submission.queue];
     std::erase_if(waits, [&](const auto &wait) { return !isLater(device, wait.first, wait.second); });
-    const Submission submission{queue, device.objects.queueFamilies.get(queue), invalidId, ordered && waits.empty()};
+    submission.ordered = submission.ordered && waits.empty();
     steps->run(submission, &CommandLog::Steps::effects);
 }
 
 template <typename Submit>
 void checkBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, std::span<const SharedSteps> steps)
 {
-    const Submission submission{queue, device.objects.queueFamilies.get(queue), invalidIdOf(batch), true};
+    const Submission submission{queue, device.objects.queueFamilies.get(queue), invalidIdOf(batch)};
     for (const SharedSteps &commandBuffer : steps)
         if (commandBuffer)
             commandBuffer->run(submission, &CommandLog::Steps::checks);
@@ -81,9 +85,10 @@ void executeBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, 
         if (use.value && isLater(device, use.semaphore, *use.value))
             device.logs.waits[queue].emplace_back(use.semaphore, *use.value);
     }
-    sync::beginBatch(device.sync, queue, waits, ordered);
+    const uint64_t number = sync::beginBatch(device.sync, queue, waits, ordered);
     for (const SharedSteps &commandBuffer : steps)
-        execute(device, queue, commandBuffer, invalidIdOf(batch), ordered);
+        execute(device, {queue, device.objects.queueFamilies.get(queue), invalidIdOf(batch), number, ordered},
+                commandBuffer);
     const std::vector<sync::SemaphoreUse> signals = sync::signalsOf(device.sync, batch);
     sync::endBatch(device.sync, queue, signals, ordered);
     for (const sync::SemaphoreUse &use : signals) {
