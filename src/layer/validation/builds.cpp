@@ -56,6 +56,9 @@ void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,
     if (target)
         device.logs.add(commandBuffer, [&device, target, contents](const Submission &submission) {
             setContents(device, target, submission.ordered ? contents : unknownContents(contents->type));
+            for (const GeometryContents &geometry : contents->geometries)
+                if (const auto micromap = geometry.micromap.lock())
+                    setAttached(*micromap, submission.ordered);
         });
 }
 

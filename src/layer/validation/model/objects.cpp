@@ -59,6 +59,14 @@ void setContents(DeviceModel &device, const std::shared_ptr<ValidatedStructure> 
         device.objects.lost.add(*before, {structure->since, before->handle, "was overwritten by another structure"});
 }
 
+void setAttached(ValidatedStructure &micromap, bool isOrdered)
+{
+    if (micromap.contents)
+        micromap.contents->isAttached = true;
+    if (!isOrdered)
+        micromap.mayBeAttached = true;
+}
+
 void setReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure, VkDeviceAddress address)
 {
     if (structure->referenceAddress.exchange(address) == address)

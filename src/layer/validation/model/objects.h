@@ -155,8 +155,9 @@ struct ValidatedStructure : ReferredObject {
     ObjectHandle overwrittenBy;                        // what was constructed in its memory since; none: nothing
     uint64_t since = 0;                                // DeviceModel::numbers when it got them
     uint64_t built = 0;                                // the same of the structure that they were copied from
-    uint64_t losses = 0;       // 1 + LostStructures::count() when instances were last checked; 0: they were not
-    bool ownAllocator = false; // it was created with allocation callbacks
+    uint64_t losses = 0;        // 1 + LostStructures::count() when instances were last checked; 0: they were not
+    bool ownAllocator = false;  // it was created with allocation callbacks
+    bool mayBeAttached = false; // to a structure whose build has no known order
 
     [[nodiscard]] bool isMicromap() const
     {
@@ -375,6 +376,8 @@ void addUse(ReferredObject &object, const Submission &submission, CommandUse use
 // Gives a structure new contents. CommandLogs::submissions is held: in steps it is.
 void setContents(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure,
                  std::shared_ptr<const StructureContents> contents);
+// A structure is built with the micromap. CommandLogs::submissions is held.
+void setAttached(ValidatedStructure &micromap, bool isOrdered);
 // Instances name the structure by that address.
 void setReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure, VkDeviceAddress address);
 // The same for a structure that is about to be constructed: the application may know the address from an earlier one
