@@ -297,6 +297,23 @@ TEST(SyncTrackerBatch, IsPendingUntilTheHostKnows)
     EXPECT_TRUE(run.tracker.isPending(1, second));
 }
 
+TEST(SyncTrackerBatch, IsCompleteWithOneThatWaitedForIt)
+{
+    for (const std::optional<uint64_t> value : {std::optional<uint64_t>(), std::optional<uint64_t>(3)}) {
+        Execution run;
+        const SemaphoreUse use{.semaphore = 9, .value = value};
+        const uint64_t first = run.tracker.beginBatch(1, 1, {});
+        run.tracker.endBatch(1, std::array{use});
+        const uint64_t second = run.tracker.beginBatch(2, 1, std::array{use});
+        run.tracker.endBatch(2, {});
+        run.tracker.signalFence(2, 5);
+        EXPECT_TRUE(run.tracker.isPending(1, first));
+        run.tracker.fenceComplete(5);
+        EXPECT_FALSE(run.tracker.isPending(1, first));
+        EXPECT_FALSE(run.tracker.isPending(2, second));
+    }
+}
+
 // Ten thousand builds with a barrier after each, and one command that reads all that they wrote.
 TEST(SyncTrackerUse, ComparesWithFewBarriers)
 {

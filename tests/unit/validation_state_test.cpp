@@ -223,6 +223,27 @@ TEST_F(ValidationState, SubmissionsOutliveTheirCommandBuffers)
     EXPECT_EQ(executed, 4);
 }
 
+TEST_F(ValidationState, PendingUsesAreUnknownWhereTheHostWaitsElsewhere)
+{
+    device.next.CreateQueryPool = create<VkQueryPool>;
+    device.next.DestroyQueryPool = [](VkDevice, VkQueryPool, const VkAllocationCallbacks *) {};
+    device.next.CmdResetQueryPool = [](VkCommandBuffer, VkQueryPool, uint32_t, uint32_t) {};
+    const VkQueryPoolCreateInfo info{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO};
+    for (const bool elsewhere : {true, false}) {
+        device.facts.waitsElsewhere = elsewhere;
+        const VkCommandBuffer commands = allocate(makePool(), 1).front();
+        VkQueryPool pool{};
+        ASSERT_EQ(validation::createQueryPool(device, {}, &info, nullptr, &pool), VK_SUCCESS);
+        validation::cmdResetQueryPool(device, commands, pool, 0, 1);
+        VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
+        submit.commandBufferCount = 1;
+        submit.pCommandBuffers = &commands;
+        EXPECT_EQ(validation::queueSubmit(device, {}, 1, &submit, {}), VK_SUCCESS);
+        validation::destroyQueryPool(device, {}, pool, nullptr);
+        EXPECT_EQ(reported["VELLUM-VUID-vkDestroyQueryPool-queryPool-00793"], elsewhere ? 0 : 1);
+    }
+}
+
 // Where memory ran out, an unknown handle may be that of any object; other devices still know all of theirs.
 TEST_F(ValidationState, WithoutMemoryOnlyThatDeviceForgets)
 {
@@ -541,6 +562,26 @@ TEST_F(ValidationState, StructuresByAddressForgetThoseThatAreGone)
 // ------------------------------------------------------------------------------------------ wrong input
 
 // Between two look-ups another thread destroys a buffer that the range happens to be in.
+// A command buffer keeps what it refers to; the implementation gives the handle to another buffer.
+TEST_F(ValidationState, FreedMemoryHidesNoBufferThatHasTheHandleOfADestroyedOne)
+{
+    device.next.BindBufferMemory = [](VkDevice, VkBuffer, VkDeviceMemory, VkDeviceSize) { return VK_SUCCESS; };
+    device.next.AllocateMemory = create<VkDeviceMemory>;
+    device.next.FreeMemory = [](VkDevice, VkDeviceMemory, const VkAllocationCallbacks *) {};
+    device.next.DestroyBuffer = [](VkDevice, VkBuffer, const VkAllocationCallbacks *) {};
+    const VkMemoryAllocateInfo info{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO};
+    VkDeviceMemory memory{};
+    ASSERT_EQ(validation::allocateMemory(device, {}, &info, nullptr, &memory), VK_SUCCESS);
+    constexpr VkDeviceAddress kAddress = 0x10000;
+    const VkBuffer buffer = addBuffer(kAddress, 256);
+    const auto kept = device.objects.buffers.get(buffer);
+    device.objects.memories.get(memory).buffers->add(kept);
+    validation::destroyBuffer(device, {}, buffer, nullptr);
+    ASSERT_EQ(addBuffer(kAddress, 256), buffer);
+    validation::freeMemory(device, {}, memory, nullptr);
+    EXPECT_EQ(device.buffers.addresses.find(kAddress).buffer, buffer);
+}
+
 TEST_F(ValidationState, RangeInABufferThatIsDestroyed)
 {
     const auto buffer = handle<VkBuffer>(0x10000);

@@ -102,12 +102,14 @@ void setDestroyed(DeviceValidation &device, ValidatedStructure &structure)
 // Before an object is destroyed. `rule`: that commands which refer to it must be complete.
 void checkUnused(DeviceValidation &device, const char *command, const char *rule, const ReferredObject &object)
 {
-    if (!sync::checkUnused(device.sync, Place(command), rule, object))
-        return;
-    const HeldMessages held;
-    const std::lock_guard lock(device.logs.submissions);
-    device.traces.pending.check(device, Place(command), rule, object, [&](VkQueue queue, uint64_t batch) {
-        return device.sync.tracker.isPending(uint64_t(queue), batch);
+    remember(device.objects, [&] {
+        if (!sync::checkUnused(device.sync, Place(command), rule, object))
+            return;
+        const HeldMessages held;
+        const std::lock_guard lock(device.logs.submissions);
+        device.traces.pending.check(device, Place(command), rule, object, [&](VkQueue queue, uint64_t batch) {
+            return device.sync.tracker.isPending(uint64_t(queue), batch);
+        });
     });
 }
 
@@ -159,9 +161,8 @@ void freeMemory(DeviceValidation &device, VkDevice handle, VkDeviceMemory memory
                 device.buffers.addresses.hide(buffer->buffer());
         });
         buffers->visit([&](const std::shared_ptr<ValidatedBuffer> &buffer) {
-            if (buffer->destroyed)
-                return;
-            checkUnused(device, "vkFreeMemory", "VUID-vkFreeMemory-memory-00677", *buffer);
+            if (!buffer->destroyed)
+                checkUnused(device, "vkFreeMemory", "VUID-vkFreeMemory-memory-00677", *buffer);
             ++device.objects.bufferLosses;
             buffer->memory = VK_NULL_HANDLE;
             buffer->memoryFreed = true;

@@ -106,7 +106,7 @@ std::vector<SemaphoreUse> waitsOf(const DeviceSync &, const VkSubmitInfo2 &);
 std::vector<SemaphoreUse> signalsOf(const DeviceSync &, const VkSubmitInfo &);
 std::vector<SemaphoreUse> signalsOf(const DeviceSync &, const VkSubmitInfo2 &);
 // Around the steps of its command buffers. `ordered`: SubmissionTurn::await().
-// The number of the batch on its queue; 0: batches are not followed.
+// The number of the batch on its queue; 0: when it is complete is not known.
 uint64_t beginBatch(DeviceSync &, VkQueue, const std::vector<SemaphoreUse> &waits, bool ordered);
 void endBatch(DeviceSync &, VkQueue, const std::vector<SemaphoreUse> &signals, bool ordered);
 void signalFence(DeviceSync &, VkQueue, VkFence, bool ordered);

@@ -247,9 +247,11 @@ std::vector<SemaphoreUse> signalsOf(const DeviceSync &sync, const VkSubmitInfo2 
 
 uint64_t beginBatch(DeviceSync &sync, VkQueue queue, const std::vector<SemaphoreUse> &waits, bool ordered)
 {
-    return sync.device.checks.sync
-               ? sync.tracker.beginBatch(uint64_t(queue), sync.device.objects.queueFamilies.get(queue), waits, ordered)
-               : 0;
+    if (!sync.device.checks.sync)
+        return 0;
+    const uint64_t number =
+        sync.tracker.beginBatch(uint64_t(queue), sync.device.objects.queueFamilies.get(queue), waits, ordered);
+    return sync.device.facts.waitsElsewhere ? 0 : number;
 }
 
 void endBatch(DeviceSync &sync, VkQueue queue, const std::vector<SemaphoreUse> &signals, bool ordered)
