@@ -223,14 +223,16 @@ TEST_F(ValidationState, SubmissionsOutliveTheirCommandBuffers)
     EXPECT_EQ(executed, 4);
 }
 
-TEST_F(ValidationState, PendingUsesAreUnknownWhereTheHostWaitsElsewhere)
+TEST_F(ValidationState, PendingUsesAreReportedUnlessTheHostMayKnowMore)
 {
     device.next.CreateQueryPool = create<VkQueryPool>;
     device.next.DestroyQueryPool = [](VkDevice, VkQueryPool, const VkAllocationCallbacks *) {};
     device.next.CmdResetQueryPool = [](VkCommandBuffer, VkQueryPool, uint32_t, uint32_t) {};
     const VkQueryPoolCreateInfo info{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO};
-    for (const bool elsewhere : {true, false}) {
-        device.facts.waitsElsewhere = elsewhere;
+    device.next.QueueWaitIdle = [](VkQueue) { return VK_ERROR_DEVICE_LOST; };
+    enum class Known { Elsewhere, Lost, Pending };
+    for (const Known known : {Known::Elsewhere, Known::Lost, Known::Pending}) {
+        device.facts.waitsElsewhere = known == Known::Elsewhere;
         const VkCommandBuffer commands = allocate(makePool(), 1).front();
         VkQueryPool pool{};
         ASSERT_EQ(validation::createQueryPool(device, {}, &info, nullptr, &pool), VK_SUCCESS);
@@ -239,8 +241,11 @@ TEST_F(ValidationState, PendingUsesAreUnknownWhereTheHostWaitsElsewhere)
         submit.commandBufferCount = 1;
         submit.pCommandBuffers = &commands;
         EXPECT_EQ(validation::queueSubmit(device, {}, 1, &submit, {}), VK_SUCCESS);
+        if (known == Known::Lost) {
+            EXPECT_EQ(validation::queueWaitIdle(device, {}), VK_ERROR_DEVICE_LOST);
+        }
         validation::destroyQueryPool(device, {}, pool, nullptr);
-        EXPECT_EQ(reported["VELLUM-VUID-vkDestroyQueryPool-queryPool-00793"], elsewhere ? 0 : 1);
+        EXPECT_EQ(reported["VELLUM-VUID-vkDestroyQueryPool-queryPool-00793"], known == Known::Pending ? 1 : 0);
     }
 }
 

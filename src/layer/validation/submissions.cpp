@@ -38,6 +38,15 @@ bool isLater(DeviceValidation &device, uint64_t semaphore, uint64_t value)
            reached < value;
 }
 
+// Whether a command has its result. Resources are in use no more than after a success where the device is lost: then
+// all commands count as complete.
+bool succeeded(DeviceValidation &device, VkResult result)
+{
+    if (result == VK_ERROR_DEVICE_LOST)
+        device.sync.tracker.allIdle();
+    return result == VK_SUCCESS;
+}
+
 using SharedSteps = std::shared_ptr<const CommandLog::Steps>;
 
 // Null for a command buffer that the application did not allocate.
@@ -117,7 +126,7 @@ VkResult submit(DeviceValidation &device, VkQueue queue, std::span<const Submit>
     SubmissionTurn turn(device.logs);
     const VkResult result = next();
     const bool ordered = turn.await();
-    if (result != VK_SUCCESS)
+    if (!succeeded(device, result))
         return result;
     remember(device.objects, [&] {
         for (size_t i = 0; i < batches.size(); ++i)
@@ -186,7 +195,7 @@ VkResult queueBindSparse(DeviceValidation &device, VkQueue queue, uint32_t count
 VkResult queueWaitIdle(DeviceValidation &device, VkQueue queue)
 {
     const VkResult result = device.next.QueueWaitIdle(queue);
-    if (result == VK_SUCCESS)
+    if (succeeded(device, result))
         device.sync.tracker.queueIdle(uint64_t(queue));
     reportCompleted(device, false);
     return result;
@@ -195,7 +204,7 @@ VkResult queueWaitIdle(DeviceValidation &device, VkQueue queue)
 VkResult deviceWaitIdle(DeviceValidation &device, VkDevice handle)
 {
     const VkResult result = device.next.DeviceWaitIdle(handle);
-    if (result == VK_SUCCESS)
+    if (succeeded(device, result))
         device.sync.tracker.allIdle();
     reportCompleted(device, result == VK_SUCCESS);
     return result;
@@ -205,7 +214,7 @@ VkResult waitForFences(DeviceValidation &device, VkDevice handle, uint32_t count
                        uint64_t timeout)
 {
     const VkResult result = device.next.WaitForFences(handle, count, fences, all, timeout);
-    if (result == VK_SUCCESS)
+    if (succeeded(device, result))
         sync::fencesComplete(device.sync, handle, count, fences, all == VK_TRUE || count == 1);
     reportCompleted(device, false);
     return result;
@@ -214,7 +223,7 @@ VkResult waitForFences(DeviceValidation &device, VkDevice handle, uint32_t count
 VkResult getFenceStatus(DeviceValidation &device, VkDevice handle, VkFence fence)
 {
     const VkResult result = device.next.GetFenceStatus(handle, fence);
-    if (result == VK_SUCCESS)
+    if (succeeded(device, result))
         sync::fencesComplete(device.sync, handle, 1, &fence, true);
     reportCompleted(device, false);
     return result;
@@ -223,7 +232,7 @@ VkResult getFenceStatus(DeviceValidation &device, VkDevice handle, VkFence fence
 VkResult waitSemaphores(DeviceValidation &device, VkDevice handle, const VkSemaphoreWaitInfo *info, uint64_t timeout)
 {
     const VkResult result = device.next.WaitSemaphores(handle, info, timeout);
-    if (result == VK_SUCCESS)
+    if (succeeded(device, result))
         sync::semaphoresReached(device.sync, handle, *info);
     reportCompleted(device, false);
     return result;
@@ -232,7 +241,7 @@ VkResult waitSemaphores(DeviceValidation &device, VkDevice handle, const VkSemap
 VkResult getSemaphoreCounterValue(DeviceValidation &device, VkDevice handle, VkSemaphore semaphore, uint64_t *value)
 {
     const VkResult result = device.next.GetSemaphoreCounterValue(handle, semaphore, value);
-    if (device.checks.sync && result == VK_SUCCESS) {
+    if (succeeded(device, result) && device.checks.sync) {
         device.logs.settle();
         device.sync.tracker.semaphoreReached(uint64_t(semaphore), *value);
     }
@@ -295,7 +304,7 @@ VkResult getQueryPoolResults(DeviceValidation &device, VkDevice handle, VkQueryP
                              uint32_t count, size_t size, void *data, VkDeviceSize stride, VkQueryResultFlags flags)
 {
     const VkResult result = device.next.GetQueryPoolResults(handle, pool, first, count, size, data, stride, flags);
-    if (result == VK_SUCCESS)
+    if (succeeded(device, result))
         allIdle(device);
     return result;
 }
