@@ -13,7 +13,7 @@ namespace vellum::render
 
 enum class Trace { Query, Pipeline };
 
-// Those that the device has, in this order; at least one of a device that traces rays.
+// The methods that the device supports, in this order; at least one if it traces rays.
 std::vector<Trace> tracesOf(const gpu::DeviceInfo &device);
 
 // The stages in which a pipeline traces.

@@ -76,11 +76,12 @@ TEST(BenchReport, TheVerdictHasEveryLevelAndItsRange)
                                         frameRow(7, false, 0.95, 0.96, 0.97)});
     EXPECT_EQ(
         verdictOf({frames}),
-        (Sentences{"By ray queries, emulated micromaps (KHR) compared with a plain alpha test: level 3 is 1.00 times as fast "
-                   "(0.98 to 1.02, not distinguishable); level 5 is 0.80 times as fast (0.80 to 0.80); level 7 is 1.04 "
-                   "times as fast (1.03 to 1.05).",
-                   "By ray queries, emulated micromaps (KHR) compared with a heavy alpha test: level 3 is 1.25 times as fast "
-                   "(1.25 to 1.25); level 5 is 2.00 times as fast (2.00 to 2.00)."}));
+        (Sentences{
+            "By ray queries, emulated micromaps (KHR) compared with a plain alpha test: level 3 is 1.00 times as fast "
+            "(0.98 to 1.02, not distinguishable); level 5 is 0.80 times as fast (0.80 to 0.80); level 7 is 1.04 "
+            "times as fast (1.03 to 1.05).",
+            "By ray queries, emulated micromaps (KHR) compared with a heavy alpha test: level 3 is 1.25 times as fast "
+            "(1.25 to 1.25); level 5 is 2.00 times as fast (2.00 to 2.00)."}));
 }
 
 TEST(BenchReport, TheVerdictHasTheSlowestBuildAndItsRange)

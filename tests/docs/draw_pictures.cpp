@@ -4,6 +4,7 @@
 //
 // usage: vellum_draw_pictures FOLDER           writes the pictures
 //        vellum_draw_pictures FOLDER --check   fails if one differs from what would be written
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>

@@ -80,3 +80,12 @@ TEST(Opacity, OtherFlagsDoNotMatter)
                 EXPECT_EQ(resolveHit(row.state, row.geometryOpaque, i, r),
                           resolveHit(row.state, row.geometryOpaque, i | kOtherInstance, r | kOtherRay));
 }
+
+// What the driver does not get is read back from the table.
+TEST(Opacity, TablesStateFlags)
+{
+    for (uint flags = 0; flags < 0x40; ++flags) {
+        const uint withIndex = hitTable(flags) | 0x00ffffffu;
+        EXPECT_EQ(flagsInTable(withIndex), flags & (kInstanceForceOpaque | kInstanceForce2State)) << flags;
+    }
+}

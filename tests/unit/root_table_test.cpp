@@ -38,4 +38,22 @@ TEST(RootTables, TheAddressOfTheFirstSlotsStaysWhilePagesAreAdded)
     }
 }
 
+// Instances are written page by page, each with the address of its own record.
+TEST(RootTables, RecordsOfSlotsOnSeveralPages)
+{
+    const vellum::test::MemoryDevice device;
+    RootTable table;
+    ASSERT_EQ(table.create(device.context()), VK_SUCCESS);
+    constexpr uint32_t kPage = vellum::shared::kSlotsPerPage;
+    const auto first = table.allocateSlots(kPage - 10);
+    const auto second = table.allocateSlots(kPage + 20); // the end of one page, another page, the beginning of a third
+    ASSERT_TRUE(first && second);
+    EXPECT_EQ(first->recordAddress(7), table.firstSlots() + 7 * 16);
+    ASSERT_EQ(second->first(), kPage - 10);
+    EXPECT_EQ(second->recordAddress(kPage - 1), table.firstSlots() + (kPage - 1) * 16);
+    EXPECT_EQ(second->recordAddress(kPage + 5), second->recordAddress(kPage) + 5 * 16);
+    EXPECT_NE(second->recordAddress(kPage), second->recordAddress(2 * kPage));
+    EXPECT_EQ(second->recordAddress(2 * kPage + 9), second->recordAddress(2 * kPage) + 9 * 16);
+}
+
 } // namespace

@@ -282,20 +282,36 @@ const auto kNameOf = [](const auto &info) { return std::string(info.param.name);
 INSTANTIATE_TEST_SUITE_P(Barriers, SyncTracker, testing::ValuesIn(barrierSequences()), kNameOf);
 INSTANTIATE_TEST_SUITE_P(Queues, SyncTracker, testing::ValuesIn(queueSequences()), kNameOf);
 
-TEST(SyncTrackerUse, IsPendingUntilTheHostKnows)
+TEST(SyncTrackerBatch, IsPendingUntilTheHostKnows)
 {
     Execution run;
-    const ObjectHandle object{VK_OBJECT_TYPE_BUFFER, 7};
-    run.tracker.beginBatch(1, 1, {});
-    build(kA)(run);
+    const uint64_t first = run.tracker.beginBatch(1, 1, {});
     run.tracker.endBatch(1, {});
     run.tracker.signalFence(1, 5);
-    EXPECT_TRUE(run.tracker.pendingUse(kA, object));
-    EXPECT_FALSE(run.tracker.pendingUse(kB, object));
-    EXPECT_FALSE(run.tracker.pendingUse(kA, {VK_OBJECT_TYPE_BUFFER, 8}));
+    const uint64_t second = run.tracker.beginBatch(1, 1, {});
+    run.tracker.endBatch(1, {});
+    EXPECT_TRUE(run.tracker.isPending(1, first));
+    EXPECT_FALSE(run.tracker.isPending(2, first));
     run.tracker.fenceComplete(5);
-    EXPECT_FALSE(run.tracker.pendingUse(kA, object));
-    EXPECT_FALSE(run.tracker.freeMemory(1));
+    EXPECT_FALSE(run.tracker.isPending(1, first));
+    EXPECT_TRUE(run.tracker.isPending(1, second));
+}
+
+TEST(SyncTrackerBatch, IsCompleteWithOneThatWaitedForIt)
+{
+    for (const std::optional<uint64_t> value : {std::optional<uint64_t>(), std::optional<uint64_t>(3)}) {
+        Execution run;
+        const SemaphoreUse use{.semaphore = 9, .value = value};
+        const uint64_t first = run.tracker.beginBatch(1, 1, {});
+        run.tracker.endBatch(1, std::array{use});
+        const uint64_t second = run.tracker.beginBatch(2, 1, std::array{use});
+        run.tracker.endBatch(2, {});
+        run.tracker.signalFence(2, 5);
+        EXPECT_TRUE(run.tracker.isPending(1, first));
+        run.tracker.fenceComplete(5);
+        EXPECT_FALSE(run.tracker.isPending(1, first));
+        EXPECT_FALSE(run.tracker.isPending(2, second));
+    }
 }
 
 // Ten thousand builds with a barrier after each, and one command that reads all that they wrote.

@@ -148,9 +148,9 @@ protected:
         buffer->handle = handle<VkBuffer>(address);
         buffer->size = size;
         buffer->usage = ~VkFlags64{0};
-        device.objects.buffers.set(buffer->handle, buffer);
-        device.buffers.addresses.add(address, buffer->handle, size, buffer->usage);
-        return buffer->handle;
+        device.objects.buffers.set(buffer->buffer(), buffer);
+        device.buffers.addresses.add(address, buffer->buffer(), size, buffer->usage);
+        return buffer->buffer();
     }
 
 public:
@@ -222,6 +222,32 @@ TEST_F(ValidationState, SubmissionsOutliveTheirCommandBuffers)
     };
     submitNew();
     EXPECT_EQ(executed, 4);
+}
+
+TEST_F(ValidationState, PendingUsesAreReportedUnlessTheHostMayKnowMore)
+{
+    device.next.CreateQueryPool = create<VkQueryPool>;
+    device.next.DestroyQueryPool = [](VkDevice, VkQueryPool, const VkAllocationCallbacks *) {};
+    device.next.CmdResetQueryPool = [](VkCommandBuffer, VkQueryPool, uint32_t, uint32_t) {};
+    const VkQueryPoolCreateInfo info{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO};
+    device.next.QueueWaitIdle = [](VkQueue) { return VK_ERROR_DEVICE_LOST; };
+    enum class Known { Elsewhere, Lost, Pending };
+    for (const Known known : {Known::Elsewhere, Known::Lost, Known::Pending}) {
+        device.facts.waitsElsewhere = known == Known::Elsewhere;
+        const VkCommandBuffer commands = allocate(makePool(), 1).front();
+        VkQueryPool pool{};
+        ASSERT_EQ(validation::createQueryPool(device, {}, &info, nullptr, &pool), VK_SUCCESS);
+        validation::cmdResetQueryPool(device, commands, pool, 0, 1);
+        VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
+        submit.commandBufferCount = 1;
+        submit.pCommandBuffers = &commands;
+        EXPECT_EQ(validation::queueSubmit(device, {}, 1, &submit, {}), VK_SUCCESS);
+        if (known == Known::Lost) {
+            EXPECT_EQ(validation::queueWaitIdle(device, {}), VK_ERROR_DEVICE_LOST);
+        }
+        validation::destroyQueryPool(device, {}, pool, nullptr);
+        EXPECT_EQ(reported["VELLUM-VUID-vkDestroyQueryPool-queryPool-00793"], known == Known::Pending ? 1 : 0);
+    }
 }
 
 // After an allocation failure, a device treats an unknown handle as possibly valid; other devices still know all of
@@ -543,6 +569,26 @@ TEST_F(ValidationState, StructuresByAddressForgetDestroyedOnes)
 // ------------------------------------------------------------------------------------------ wrong input
 
 // Between two look-ups another thread destroys a buffer that the range happens to be in.
+// A command buffer keeps what it refers to; the implementation gives the handle to another buffer.
+TEST_F(ValidationState, FreedMemoryHidesNoBufferThatHasTheHandleOfADestroyedOne)
+{
+    device.next.BindBufferMemory = [](VkDevice, VkBuffer, VkDeviceMemory, VkDeviceSize) { return VK_SUCCESS; };
+    device.next.AllocateMemory = create<VkDeviceMemory>;
+    device.next.FreeMemory = [](VkDevice, VkDeviceMemory, const VkAllocationCallbacks *) {};
+    device.next.DestroyBuffer = [](VkDevice, VkBuffer, const VkAllocationCallbacks *) {};
+    const VkMemoryAllocateInfo info{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO};
+    VkDeviceMemory memory{};
+    ASSERT_EQ(validation::allocateMemory(device, {}, &info, nullptr, &memory), VK_SUCCESS);
+    constexpr VkDeviceAddress kAddress = 0x10000;
+    const VkBuffer buffer = addBuffer(kAddress, 256);
+    const auto kept = device.objects.buffers.get(buffer);
+    device.objects.memories.get(memory).buffers->add(kept);
+    validation::destroyBuffer(device, {}, buffer, nullptr);
+    ASSERT_EQ(addBuffer(kAddress, 256), buffer);
+    validation::freeMemory(device, {}, memory, nullptr);
+    EXPECT_EQ(device.buffers.addresses.find(kAddress).buffer, buffer);
+}
+
 TEST_F(ValidationState, RangeInABufferThatIsDestroyed)
 {
     const auto buffer = handle<VkBuffer>(0x10000);

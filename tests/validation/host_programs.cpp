@@ -151,6 +151,18 @@ void buildUnbound(Gpu &gpu, VkMicromapEXT object, const HostMicromaps &micromaps
     info.dstMicromap = object;
     gpu.vk().BuildMicromapsEXT(gpu.device(), VK_NULL_HANDLE, 1, &info);
 }
+void buildFreed(Gpu &gpu, bool wrong)
+{
+    const HostMicromaps micromaps(gpu);
+    Storage storage(gpu);
+    const MicromapHandle micromap = createMicromap(gpu, storage.buffer(), storage.address(), 0, micromaps.input.size());
+    if (wrong) {
+        storage.destroyBuffer();
+        storage.freeMemory();
+    }
+    buildUnbound(gpu, micromap.ext, micromaps, nullptr);
+    destroyMicromap(gpu, micromap);
+}
 void copyToUnbound(Gpu &gpu, VkMicromapEXT object, const HostMicromaps &micromaps, void *)
 {
     const auto info = vkInit<VkCopyMicromapInfoEXT>(
@@ -221,6 +233,7 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkBuildMicromapsEXT-pInfos-07554", Api::Ext, kNeedsHostCommands,
      build<[](VkMicromapBuildInfoEXT &info) { info.triangleArray.hostAddress = nullptr; }>},
     {"VUID-vkBuildMicromapsEXT-pInfos-07552", Api::Ext, kNeedsHostCommands, unbound<buildUnbound>},
+    {"VUID-vkBuildMicromapsEXT-pInfos-07552", Api::Ext, kNeedsHostCommands, buildFreed, "Freed"},
     {"VUID-vkCopyMicromapEXT-buffer-07558", Api::Ext, kNeedsHostCommands, unbound<copyFromUnbound>, "",
      "VUID-vkCopyMicromapEXT-src-11670"},
     {"VUID-vkCopyMicromapToMemoryEXT-buffer-07568", Api::Ext, kNeedsHostCommands, unbound<saveUnbound>, "",

@@ -151,6 +151,45 @@ void attachesTwice(Gpu &gpu, bool wrong)
     });
 }
 
+// A build of a micromap with its data twice.
+void dataTwice(Gpu &gpu, bool wrong)
+{
+    const Micromap micromap(gpu, oneTriangle());
+    StructureBuild build(micromap.buildInfo(), micromap.handle().khr);
+    const auto second = build.data;
+    if (wrong)
+        build.data.pNext = &second;
+    const VkAccelerationStructureBuildRangeInfoKHR *none = nullptr;
+    recordUnlessWrong(gpu, true, [&](VkCommandBuffer commands) {
+        gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &build.info, &none);
+    });
+}
+
+template <auto change>
+void sizes(Gpu &gpu, bool wrong)
+{
+    const Micromap micromap(gpu, oneTriangle());
+    const VkMicromapBuildInfoEXT info = micromap.buildInfo();
+    auto result = vkInit<VkMicromapBuildSizesInfoEXT>({});
+    if (wrong)
+        change(result);
+    gpu.vk().GetMicromapBuildSizesEXT(gpu.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, &result);
+}
+
+template <auto change>
+void create(Gpu &gpu, bool wrong)
+{
+    const Buffer memory(gpu, 65536, micromapStorageUsage(gpu));
+    auto info =
+        vkInit<VkAccelerationStructureCreateInfo2KHR>({.addressRange = {(memory.address() + 255) / 256 * 256, 4096},
+                                                       .type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR});
+    if (wrong)
+        change(info);
+    VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
+    if (gpu.vk().CreateAccelerationStructure2KHR(gpu.device(), &info, nullptr, &structure) == VK_SUCCESS)
+        gpu.vk().DestroyAccelerationStructureKHR(gpu.device(), structure, nullptr);
+}
+
 constexpr VkMemoryBarrier kNothing{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr, 0, 0};
 
 const WrongProgram kPrograms[] = {
@@ -177,6 +216,15 @@ const WrongProgram kPrograms[] = {
     {"VUID-VkCopyMicromapInfoEXT-pNext-pNext", Api::Ext, kNeedsNothing,
      copy<[](VkCopyMicromapInfoEXT &info) { info.pNext = &kNothing; }>},
     {"VUID-VkAccelerationStructureGeometryTrianglesDataKHR-sType-unique", Api::Khr, kNeedsNothing, attachesTwice},
+    {"VUID-VkAccelerationStructureGeometryKHR-sType-unique", Api::Khr, kNeedsNothing, dataTwice},
+    {"VUID-VkMicromapBuildSizesInfoEXT-sType-sType", Api::Ext, kNeedsNothing,
+     sizes<[](VkMicromapBuildSizesInfoEXT &info) { info.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER; }>},
+    {"VUID-VkAccelerationStructureCreateInfo2KHR-sType-sType", Api::Khr, kNeedsAddressCommands,
+     create<[](VkAccelerationStructureCreateInfo2KHR &info) { info.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER; }>},
+    {"VUID-VkAccelerationStructureCreateInfo2KHR-type-parameter", Api::Khr, kNeedsAddressCommands,
+     create<[](VkAccelerationStructureCreateInfo2KHR &info) {
+         info.type = static_cast<VkAccelerationStructureTypeKHR>(77);
+     }>},
 };
 
 } // namespace

@@ -13,9 +13,6 @@ namespace
 
 constexpr VkDeviceAddress kWild = 0x7654'3210'0000;
 
-using ExtAttached = VkAccelerationStructureTrianglesOpacityMicromapEXT;
-using KhrAttached = VkAccelerationStructureTrianglesOpacityMicromapKHR;
-
 // --- Addresses ---
 
 // An address of a buffer that was destroyed.
@@ -44,34 +41,6 @@ void micromapInput(Gpu &gpu, bool wrong)
         recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{info, micromap.handle()}});
     });
 }
-
-// A build of a structure, which can be changed. Indirect builds read the ranges from a buffer.
-enum class By { Host, Indirect };
-struct Build {
-    Build(Gpu &g, const Structure &structure)
-        : gpu(g), info(structure.buildInfo()), geometry(info.pGeometries[0]), ranges(structure.ranges()),
-          memory(g, sizeof *ranges, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT)
-    {
-        info.pGeometries = &geometry;
-        info.geometryCount = 1;
-        std::memcpy(memory.bytes(), ranges, sizeof *ranges);
-    }
-    void record(VkCommandBuffer commands, By by = By::Host) const
-    {
-        const VkDeviceAddress address = memory.address();
-        const uint32_t stride = sizeof *ranges;
-        const uint32_t *most = &ranges->primitiveCount;
-        if (by == By::Host)
-            gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
-        else
-            gpu.vk().CmdBuildAccelerationStructuresIndirectKHR(commands, 1, &info, &address, &stride, &most);
-    }
-    Gpu &gpu;
-    VkAccelerationStructureBuildGeometryInfoKHR info;
-    VkAccelerationStructureGeometryKHR geometry;
-    const VkAccelerationStructureBuildRangeInfoKHR *ranges;
-    Buffer memory;
-};
 
 Geometry indexedTriangle()
 {
@@ -337,40 +306,6 @@ void referencesNothing(Gpu &gpu, bool wrong)
 }
 
 // --- Memory that is freed, and objects that are destroyed before rays are traced ---
-
-// A buffer, which can be destroyed before its memory, and memory, which can be freed before the buffer.
-class Storage
-{
-public:
-    explicit Storage(Gpu &gpu) : gpu_(gpu)
-    {
-        const auto info = vkInit<VkBufferCreateInfo>(
-            {.size = 65536,
-             .usage = micromapStorageUsage(gpu) | VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR |
-                      VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT});
-        VT_CHECK(vkCreateBuffer(gpu.device(), &info, nullptr, &buffer_));
-        memory_ = gpu.bindMemory(buffer_, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT);
-        const auto addressInfo = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer_});
-        address_ = vkGetBufferDeviceAddress(gpu.device(), &addressInfo);
-    }
-    Storage(const Storage &) = delete;
-    Storage &operator=(const Storage &) = delete;
-    ~Storage()
-    {
-        destroyBuffer();
-        freeMemory();
-    }
-    void destroyBuffer() { vkDestroyBuffer(gpu_.device(), std::exchange(buffer_, VK_NULL_HANDLE), nullptr); }
-    void freeMemory() { vkFreeMemory(gpu_.device(), std::exchange(memory_, VK_NULL_HANDLE), nullptr); }
-    [[nodiscard]] VkBuffer buffer() const { return buffer_; }
-    [[nodiscard]] VkDeviceAddress address() const { return address_; }
-
-private:
-    Gpu &gpu_;
-    VkBuffer buffer_ = VK_NULL_HANDLE;
-    VkDeviceMemory memory_ = VK_NULL_HANDLE;
-    VkDeviceAddress address_ = 0;
-};
 
 // With VK_KHR_opacity_micromap the micromap is created by its address, without its buffer.
 enum class Loss { Buffer, Memory };

@@ -57,6 +57,7 @@ std::span<const WrongProgram> hostPrograms();
 std::span<const WrongProgram> implicitPrograms();
 std::span<const WrongProgram> hostStructurePrograms();
 std::span<const WrongProgram> lifetimePrograms();
+std::span<const WrongProgram> pendingPrograms();
 std::span<const WrongProgram> rangePrograms();
 std::span<const WrongProgram> rangeFlagPrograms();
 std::span<const WrongProgram> drawRangePrograms();

@@ -178,8 +178,8 @@ void compactMicromap(Gpu &gpu, bool wrong)
 class Deserialized
 {
 public:
-    // What happens to the micromap after the structure was deserialized.
-    enum class Then { Deserialize, Build, Nothing };
+    // What happens to the micromap after the structure was deserialized, or before.
+    enum class Then { Deserialize, Build, BuildBefore, Nothing };
 
     Deserialized(Gpu &gpu, Then then)
         : gpu_(gpu), source_(gpu), micromap_(gpu), memory_(gpu), target_(gpu, kBottomLevel)
@@ -188,12 +188,17 @@ public:
         Serialized data = serialize(gpu, source_.blas);
         data.setHandle(2, memory_.address());
         target_.create(data.deserializedSize());
+        const auto build = [&](VkCommandBuffer commands) {
+            recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{micromap_.source.buildInfo(), other}});
+        };
+        if (then == Then::BuildBefore)
+            gpu.submit(build);
         deserialize(gpu, data, target_);
         gpu.submit([&](VkCommandBuffer commands) {
             if (then == Then::Deserialize)
                 recordMemoryToMicromap(gpu, commands, micromap_.begin, other);
             else if (then == Then::Build)
-                recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{micromap_.source.buildInfo(), other}});
+                build(commands);
         });
     }
     [[nodiscard]] const Structure &structure() const { return target_; }
@@ -217,9 +222,10 @@ void copyDeserialized(Gpu &gpu, bool wrong)
     finish(gpu);
 }
 
+template <Then then>
 void serializeDeserialized(Gpu &gpu, bool wrong)
 {
-    const Deserialized source(gpu, wrong ? Then::Build : Then::Deserialize);
+    const Deserialized source(gpu, wrong ? then : Then::Deserialize);
     serialize(gpu, source.structure());
     finish(gpu);
 }
@@ -239,9 +245,10 @@ void copyDeserializedOnHost(Gpu &gpu, bool wrong)
     finish(gpu);
 }
 
+template <Then then>
 void traceDeserialized(Gpu &gpu, bool wrong)
 {
-    const Deserialized source(gpu, wrong ? Then::Build : Then::Deserialize);
+    const Deserialized source(gpu, wrong ? then : Then::Deserialize);
     const Tlas tlas(gpu, {instance(source.structure(), {}, 0)});
     Tracer(gpu).trace(tlas, std::vector{Ray{.origin = {0.3f, 0.3f, 1}}});
     finish(gpu);
@@ -289,11 +296,18 @@ const WrongProgram kPrograms[] = {
      false, "ext"},
     {"VUID-vkCmdCopyAccelerationStructureKHR-src-11634", Api::Khr, kNeedsNothing, copyDeserialized<Then::Nothing>,
      "Nothing", "", false, "ext"},
-    {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-11582", Api::Khr, kNeedsNothing, serializeDeserialized, "",
-     "", false, "ext"},
+    {"VUID-vkCmdCopyAccelerationStructureKHR-src-11634", Api::Khr, kNeedsNothing, copyDeserialized<Then::BuildBefore>,
+     "BuiltBefore", "", false, "ext"},
+    {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-11582", Api::Khr, kNeedsNothing,
+     serializeDeserialized<Then::Build>, "", "", false, "ext"},
+    {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-11582", Api::Khr, kNeedsNothing,
+     serializeDeserialized<Then::BuildBefore>, "BuiltBefore", "", false, "ext"},
     {"VUID-vkCopyAccelerationStructureKHR-src-11587", Api::Khr, kNeedsNothing, copyDeserializedOnHost, "", "", true,
      "ext"},
-    {"VUID-vkCmdDispatch-micromap-11637", Api::Khr, kNeedsNothing, traceDeserialized, "", "", false, "ext"},
+    {"VUID-vkCmdDispatch-micromap-11637", Api::Khr, kNeedsNothing, traceDeserialized<Then::Build>, "", "", false,
+     "ext"},
+    {"VUID-vkCmdDispatch-micromap-11637", Api::Khr, kNeedsNothing, traceDeserialized<Then::BuildBefore>, "BuiltBefore",
+     "", false, "ext"},
 };
 
 } // namespace

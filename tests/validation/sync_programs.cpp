@@ -2,8 +2,6 @@
 // Programs without the synchronization that they need.
 #include "programs.h"
 
-#include <thread>
-
 #include "gpu/copies.h"
 
 namespace vt
@@ -364,58 +362,6 @@ void twoBatches(Gpu &gpu, bool wrong)
     vkDestroySemaphore(gpu.device(), semaphore, nullptr);
 }
 
-// The object that is destroyed while a build of a micromap is pending: the micromap, or the buffer or memory of its
-// triangles.
-enum class Destroyed { Micromap, Buffer, Memory };
-
-// The host may know that commands are complete though Vulkan did not report it to the layer: they wrote to memory that
-// the host reads. So the wrong program is harmless.
-template <Destroyed what>
-void destroyedWhilePending(Gpu &gpu, bool wrong)
-{
-    Micromap micromap(gpu, oneTriangle());
-    const Buffer storage(gpu, micromap.size(), micromapStorageUsage(gpu));
-    const Buffer done(gpu, 16, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
-    const auto bufferInfo =
-        vkInit<VkBufferCreateInfo>({.size = 256, .usage = micromapInputUsage(gpu) | VK_BUFFER_USAGE_TRANSFER_DST_BIT});
-    VkBuffer triangles = VK_NULL_HANDLE;
-    VT_CHECK(vkCreateBuffer(gpu.device(), &bufferInfo, nullptr, &triangles));
-    const VkDeviceMemory memory = gpu.bindMemory(triangles);
-    volatile uint32_t *flag = done.as<uint32_t>().data();
-    *flag = 0;
-    const MicromapHandle handle = createMicromap(gpu, storage.handle(), storage.address(), 0, micromap.size());
-    VkMicromapBuildInfoEXT info = micromap.buildInfo();
-    info.triangleArray.deviceAddress = gpu.address(triangles);
-    VkCommandBuffer commands = gpu.begin();
-    vkCmdUpdateBuffer(commands, triangles, 0, sizeof(VkMicromapTriangleEXT), micromap.input().triangles.data());
-    barrier(commands);
-    recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{info, handle}});
-    barrier(commands);
-    vkCmdFillBuffer(commands, done.handle(), 0, 16, 1);
-    barrier(commands);
-    gpu.end(commands);
-    const auto submit = vkInit<VkSubmitInfo>({.commandBufferCount = 1, .pCommandBuffers = &commands});
-    VT_CHECK(vkQueueSubmit(gpu.queue(), 1, &submit, VK_NULL_HANDLE));
-    while (*flag == 0)
-        std::this_thread::yield();
-    const auto destroy = [&](Destroyed one) {
-        if (one == Destroyed::Micromap)
-            destroyMicromap(gpu, handle);
-        else if (one == Destroyed::Buffer)
-            vkDestroyBuffer(gpu.device(), triangles, nullptr);
-        else
-            vkFreeMemory(gpu.device(), memory, nullptr);
-    };
-    if (wrong)
-        destroy(what);
-    VT_CHECK(vkQueueWaitIdle(gpu.queue()));
-    for (const Destroyed one : {Destroyed::Micromap, Destroyed::Buffer, Destroyed::Memory}) {
-        if (one != what || !wrong)
-            destroy(one);
-    }
-    vkFreeCommandBuffers(gpu.device(), gpu.pool(), 1, &commands);
-}
-
 constexpr auto kRaw = "sync-read-after-write";
 constexpr auto kWar = "sync-write-after-read";
 constexpr auto kWaw = "sync-write-after-write";
@@ -445,11 +391,6 @@ constexpr WrongProgram kPrograms[] = {
     BOTH_APIS(kRaw, kNeedsNothing, copiedInput, "CopiedInput"),
     BOTH_APIS(kRaw, kNeedsNothing, twoBatches<false>, "Batches"),
     BOTH_APIS(kRaw, kNeedsNothing, twoBatches<true>, "Batches2"),
-    {"VUID-vkDestroyMicromapEXT-micromap-07441", Api::Ext, kNeedsNothing, destroyedWhilePending<Destroyed::Micromap>},
-    {"VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02442", Api::Khr, kNeedsNothing,
-     destroyedWhilePending<Destroyed::Micromap>},
-    BOTH_APIS("VUID-vkDestroyBuffer-buffer-00922", kNeedsNothing, destroyedWhilePending<Destroyed::Buffer>, ""),
-    BOTH_APIS("VUID-vkFreeMemory-memory-00677", kNeedsNothing, destroyedWhilePending<Destroyed::Memory>, ""),
 };
 
 } // namespace

@@ -27,24 +27,11 @@ std::vector<WrongProgram> allPrograms()
 {
     std::vector<WrongProgram> all;
     for (const auto &programs : {
-             creationPrograms(),
-             buildPrograms(),
-             attachmentPrograms(),
-             copyPrograms(),
-             queryPrograms(),
-             hostPrograms(),
-             implicitPrograms(),
-             hostStructurePrograms(),
-             lifetimePrograms(),
-             rangePrograms(),
-             rangeFlagPrograms(),
-             drawRangePrograms(),
-             barrierRangePrograms(),
-             dataPrograms(),
-             serializedPrograms(),
-             pipelinePrograms(),
-             syncPrograms(),
-             tracePrograms(),
+             creationPrograms(),     buildPrograms(), attachmentPrograms(), copyPrograms(),
+             queryPrograms(),        hostPrograms(),  implicitPrograms(),   hostStructurePrograms(),
+             lifetimePrograms(),     rangePrograms(), rangeFlagPrograms(),  drawRangePrograms(),
+             barrierRangePrograms(), dataPrograms(),  serializedPrograms(), pipelinePrograms(),
+             pendingPrograms(),      syncPrograms(),  tracePrograms(),
          })
         all.insert(all.end(), programs.begin(), programs.end());
     return all;

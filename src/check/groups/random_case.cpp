@@ -63,7 +63,7 @@ void useDescriptors(TracePlan &trace)
                        trace.flags == TracePlan::Flags::RunTime;
 }
 
-// A device without ray queries traces by pipelines what is not about queries themselves.
+// On a device without ray queries, cases that are not about ray queries use pipelines.
 void usePipelines(Case &c)
 {
     const TracePlan &trace = c.trace;

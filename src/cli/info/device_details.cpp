@@ -45,13 +45,13 @@ Features featuresOf(VkPhysicalDevice device, uint32_t version, const std::set<st
     structures.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR;
     VkPhysicalDeviceVulkan12Features features12{};
     features12.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
-    const auto add = [&](auto &feature) { feature.pNext = std::exchange(features12.pNext, &feature); };
+    const auto chain = [&](auto &feature) { feature.pNext = std::exchange(features12.pNext, &feature); };
     if (extensions.contains(VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME))
-        add(structures);
+        chain(structures);
     if (version >= VK_API_VERSION_1_3)
-        add(features13);
+        chain(features13);
     else if (extensions.contains(VK_KHR_SYNCHRONIZATION_2_EXTENSION_NAME))
-        add(synchronization2);
+        chain(synchronization2);
     VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &features12, {}};
     vkGetPhysicalDeviceFeatures2(device, &features);
     return {structures.accelerationStructure == VK_TRUE, features12.bufferDeviceAddress == VK_TRUE,
@@ -96,18 +96,18 @@ void readProperties(DeviceDetails &details, VkPhysicalDevice device)
     auto structures = vkInit<VkPhysicalDeviceAccelerationStructurePropertiesKHR>();
     auto pipelines = vkInit<VkPhysicalDeviceRayTracingPipelinePropertiesKHR>();
     auto properties = vkInit<VkPhysicalDeviceProperties2>();
-    const auto add = [&](auto &part) { part.pNext = std::exchange(properties.pNext, &part); };
-    add(driver);
-    add(subgroups);
-    add(memory);
+    const auto chain = [&](auto &part) { part.pNext = std::exchange(properties.pNext, &part); };
+    chain(driver);
+    chain(subgroups);
+    chain(memory);
     if (details.extensions.contains(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
-        add(ext);
+        chain(ext);
     if (details.extensions.contains(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME))
-        add(khr);
+        chain(khr);
     if (details.extensions.contains(VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME))
-        add(structures);
+        chain(structures);
     if (details.rayTracingPipelines)
-        add(pipelines);
+        chain(pipelines);
     vkGetPhysicalDeviceProperties2(device, &properties);
     details.driver = std::string(driver.driverName) + " " + driver.driverInfo;
     details.most2StateLevel = std::max(ext.maxOpacity2StateSubdivisionLevel, khr.maxOpacity2StateSubdivisionLevel);

@@ -790,6 +790,7 @@ constexpr Rule<Chain> kBuildChain[] = {
 };
 constexpr Rule<Chain> kGeometryChain[] = {
     {"VUID-VkAccelerationStructureGeometryKHR-pNext-pNext", Report, "pNext", misplaced<Extended::Geometry>},
+    {"VUID-VkAccelerationStructureGeometryKHR-sType-unique", Report, "pNext", repeated},
 };
 constexpr Rule<Chain> kTrianglesChain[] = {
     {"VUID-VkAccelerationStructureGeometryTrianglesDataKHR-pNext-pNext", Report, "geometry.triangles.pNext",

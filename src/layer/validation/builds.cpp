@@ -4,6 +4,7 @@
 #include "layer/input/checked.h"
 #include "layer/rules/builds.h"
 #include "layer/validation/rules/build_rules.h"
+#include "layer/validation/rules/implicit_rules.h"
 
 namespace vellum::layer
 {
@@ -56,6 +57,9 @@ void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,
     if (target)
         device.logs.add(commandBuffer, [&device, target, contents](const Submission &submission) {
             setContents(device, target, submission.ordered ? contents : unknownContents(contents->type));
+            for (const GeometryContents &geometry : contents->geometries)
+                if (const auto micromap = geometry.micromap.lock())
+                    setAttached(*micromap, submission.ordered);
         });
 }
 
@@ -98,6 +102,12 @@ void getMicromapBuildSizes(DeviceValidation &device, VkDevice handle, VkAccelera
     const Place command("vkGetMicromapBuildSizesEXT");
     if (device.checks.core && !device.driver.enabled.extFeature)
         device.fault(command, "VUID-vkGetMicromapBuildSizesEXT-micromap-11618", "the feature micromap is not enabled");
+    if (device.checks.core) {
+        const Place place = command.member("pSizeInfo");
+        checkStructure(RuleCheck(device, place), *sizes,
+                       {VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT, "VUID-VkMicromapBuildSizesInfoEXT-sType-sType",
+                        "VUID-VkMicromapBuildSizesInfoEXT-pNext-pNext"});
+    }
     input::Builds query = input::parse(1, info, type == VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR);
     rules::checkSizes(device.state.rules, command, query);
     const input::Checked checked(info, query);

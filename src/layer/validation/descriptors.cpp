@@ -122,10 +122,16 @@ VkResult createDescriptorSetLayout(DeviceValidation &device, VkDevice handle,
         return result;
     remember(device.objects, [&] {
         const DescriptorAccess access(device);
-        auto &sizes = access.layouts()[*layout];
-        sizes.clear();
+        const auto *flags = findInChain<VkDescriptorSetLayoutBindingFlagsCreateInfo>(
+            info->pNext, VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_BINDING_FLAGS_CREATE_INFO);
+        constexpr VkDescriptorBindingFlags kMayBeUnused =
+            VK_DESCRIPTOR_BINDING_PARTIALLY_BOUND_BIT | VK_DESCRIPTOR_BINDING_UPDATE_UNUSED_WHILE_PENDING_BIT;
+        auto &bindings = access.layouts()[*layout];
+        bindings.clear();
         for (uint32_t i = 0; i < info->bindingCount; ++i)
-            sizes[info->pBindings[i].binding] = info->pBindings[i].descriptorCount;
+            bindings[info->pBindings[i].binding] = {info->pBindings[i].descriptorCount,
+                                                    flags && i < flags->bindingCount &&
+                                                        (flags->pBindingFlags[i] & kMayBeUnused) != 0};
     });
     return result;
 }
@@ -161,7 +167,7 @@ VkResult allocateDescriptorSets(DeviceValidation &device, VkDevice handle, const
         const DescriptorAccess access(device);
         for (uint32_t i = 0; i < info->descriptorSetCount; ++i) {
             auto set = std::make_shared<StructureSet>();
-            set->sizes = access.layouts()[info->pSetLayouts[i]];
+            set->bindings = access.layouts()[info->pSetLayouts[i]];
             access.pools()[info->descriptorPool].insert(sets[i]);
             access.sets()[sets[i]] = std::move(set);
         }

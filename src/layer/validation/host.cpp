@@ -20,6 +20,18 @@ bool succeeded(VkResult result)
     return result >= 0; // VK_OPERATION_DEFERRED_KHR counts as done: its order is the application's
 }
 
+// The micromaps that structures are built with.
+std::vector<Structure> micromapsOf(const DeviceModel &device, const input::Builds &builds)
+{
+    std::vector<Structure> micromaps;
+    for (const input::StructureBuild &build : builds.structures)
+        for (const input::Geometry &geometry : build.geometries)
+            if (auto micromap =
+                    geometry.attachment ? device.objects.structureOf(geometry.attachment->micromap) : nullptr)
+                micromaps.push_back(std::move(micromap));
+    return micromaps;
+}
+
 } // namespace
 
 namespace validation
@@ -32,6 +44,7 @@ VkResult buildAccelerationStructures(DeviceValidation &device, VkDevice handle, 
 {
     input::Builds builds = input::parse(count, infos, ranges);
     rules::checkHostBuilds(device.state.rules, Place("vkBuildAccelerationStructuresKHR"), builds);
+    const std::vector<Structure> attached = micromapsOf(device, builds);
     const input::Checked checked(infos, builds);
     const VkResult result = device.next.BuildAccelerationStructuresKHR(handle, operation, count, infos, ranges);
     for (uint32_t i = 0; i < count && succeeded(result); ++i) {
@@ -42,6 +55,8 @@ VkResult buildAccelerationStructures(DeviceValidation &device, VkDevice handle, 
             findReference(device, structure);
             device.logs.add(VK_NULL_HANDLE, [&](const Submission &) {
                 setContents(device, structure, unknownContents(infos[i].type));
+                for (const Structure &micromap : attached)
+                    setAttached(*micromap, false);
             });
         });
         if (structure->record)

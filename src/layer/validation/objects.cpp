@@ -22,8 +22,8 @@ void findAddress(DeviceValidation &device, ValidatedBuffer &buffer)
 {
     if ((buffer.usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) == 0)
         return;
-    buffer.address = device.driver.bufferAddress(buffer.handle);
-    device.buffers.addresses.add(buffer.address, buffer.handle, buffer.size, buffer.usage);
+    buffer.address = device.driver.bufferAddress(buffer.buffer());
+    device.buffers.addresses.add(buffer.address, buffer.buffer(), buffer.size, buffer.usage);
 }
 
 void bound(DeviceValidation &device, VkBuffer handle, VkDeviceMemory memory, VkDeviceSize offset)
@@ -99,6 +99,20 @@ void setDestroyed(DeviceValidation &device, ValidatedStructure &structure)
     setLost(device, structure, "was destroyed");
 }
 
+// Before an object is destroyed. `rule`: that commands which refer to it must be complete.
+void checkUnused(DeviceValidation &device, const char *command, const char *rule, const ReferredObject &object)
+{
+    remember(device.objects, [&] {
+        if (!sync::checkUnused(device.sync, Place(command), rule, object))
+            return;
+        const HeldMessages held;
+        const std::lock_guard lock(device.logs.submissions);
+        device.traces.pending.check(device, Place(command), rule, object, [&](VkQueue queue, uint64_t batch) {
+            return device.sync.tracker.isPending(uint64_t(queue), batch);
+        });
+    });
+}
+
 // The structures of a buffer that was destroyed or lost its memory.
 void loseStructures(DeviceValidation &device, const ValidatedBuffer &buffer, const char *how)
 {
@@ -135,19 +149,26 @@ VkResult allocateMemory(DeviceValidation &device, VkDevice handle, const VkMemor
 void freeMemory(DeviceValidation &device, VkDevice handle, VkDeviceMemory memory,
                 const VkAllocationCallbacks *allocator)
 {
-    sync::checkFree(device.sync, memory);
+    device.sync.tracker.freeMemory(uint64_t(memory));
     {
         const std::lock_guard lock(device.logs.submissions);
         device.objects.constructed.forget(memory);
     }
-    if (const auto buffers = device.objects.memories.take(memory).buffers)
+    if (const auto buffers = device.objects.memories.take(memory).buffers) {
+        // Those that were destroyed may be kept by command buffers; another one may have their handle.
         buffers->visit([&](const std::shared_ptr<ValidatedBuffer> &buffer) {
-            device.buffers.addresses.hide(buffer->handle);
+            if (!buffer->destroyed)
+                device.buffers.addresses.hide(buffer->buffer());
+        });
+        buffers->visit([&](const std::shared_ptr<ValidatedBuffer> &buffer) {
+            if (!buffer->destroyed)
+                checkUnused(device, "vkFreeMemory", "VUID-vkFreeMemory-memory-00677", *buffer);
             ++device.objects.bufferLosses;
             buffer->memory = VK_NULL_HANDLE;
             buffer->memoryFreed = true;
             loseStructures(device, *buffer, "has lost its memory, which was freed");
         });
+    }
     device.next.FreeMemory(handle, memory, allocator);
 }
 
@@ -160,6 +181,7 @@ VkResult createBuffer(DeviceValidation &device, VkDevice handle, const VkBufferC
     remember(device.objects, [&] {
         auto buffer = std::make_shared<ValidatedBuffer>();
         buffer->handle = *result;
+        buffer->number = ++device.numbers;
         buffer->size = info->size;
         buffer->usage = usageOf(*info);
         buffer->flags = info->flags;
@@ -176,8 +198,8 @@ VkResult createBuffer(DeviceValidation &device, VkDevice handle, const VkBufferC
 void destroyBuffer(DeviceValidation &device, VkDevice handle, VkBuffer buffer, const VkAllocationCallbacks *allocator)
 {
     device.buffers.addresses.remove(buffer);
-    sync::checkDestruction(device.sync, device.objects.buffers.get(buffer).get());
     if (const auto known = device.objects.buffers.take(buffer)) {
+        checkUnused(device, "vkDestroyBuffer", "VUID-vkDestroyBuffer-buffer-00922", *known);
         known->destroyed = true;
         ++device.objects.bufferLosses;
         loseStructures(device, *known, "has lost its buffer, which was destroyed");
@@ -266,10 +288,11 @@ void destroyAccelerationStructure(DeviceValidation &device, VkDevice handle, VkA
     const auto known = device.objects.structures.take(structure);
     if (device.checks.core)
         checkDestruction(device, known.get(), allocator != nullptr);
-    sync::checkDestruction(device.sync, "vkDestroyAccelerationStructureKHR",
-                           "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02442", known.get());
-    if (known)
+    if (known) {
+        checkUnused(device, "vkDestroyAccelerationStructureKHR",
+                    "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02442", *known);
         setDestroyed(device, *known);
+    }
     device.next.DestroyAccelerationStructureKHR(handle, structure, allocator);
 }
 
@@ -314,10 +337,10 @@ void destroyMicromap(DeviceValidation &device, VkDevice handle, VkMicromapEXT mi
         checkMicromapDestruction(device);
         checkDestruction(device, known.get(), allocator != nullptr);
     }
-    sync::checkDestruction(device.sync, "vkDestroyMicromapEXT", "VUID-vkDestroyMicromapEXT-micromap-07441",
-                           known.get());
-    if (known)
+    if (known) {
+        checkUnused(device, "vkDestroyMicromapEXT", "VUID-vkDestroyMicromapEXT-micromap-07441", *known);
         setDestroyed(device, *known);
+    }
     device.next.DestroyMicromapEXT(handle, micromap, allocator);
 }
 

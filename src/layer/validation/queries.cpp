@@ -121,6 +121,8 @@ VkResult createQueryPool(DeviceValidation &device, VkDevice handle, const VkQuer
         return created;
     remember(device.objects, [&] {
         auto pool = std::make_shared<ValidatedQueryPool>();
+        pool->handle = {VK_OBJECT_TYPE_QUERY_POOL, uint64_t(*result)};
+        pool->number = ++device.numbers;
         pool->type = info->queryType;
         pool->states.assign(info->queryCount, State::Unknown);
         device.objects.queryPools.set(*result, std::move(pool));
@@ -131,7 +133,10 @@ VkResult createQueryPool(DeviceValidation &device, VkDevice handle, const VkQuer
 void destroyQueryPool(DeviceValidation &device, VkDevice handle, VkQueryPool pool,
                       const VkAllocationCallbacks *allocator)
 {
-    device.objects.queryPools.take(pool);
+    if (const Pool known = device.objects.queryPools.take(pool)) {
+        sync::checkUnused(device.sync, Place("vkDestroyQueryPool"), "VUID-vkDestroyQueryPool-queryPool-00793", *known);
+        known->destroyed = true;
+    }
     device.next.DestroyQueryPool(handle, pool, allocator);
 }
 
@@ -149,6 +154,7 @@ void cmdResetQueryPool(DeviceValidation &device, VkCommandBuffer commandBuffer, 
         device.logs.add(commandBuffer, [known, first, count](const Submission &) {
             setStates(*known, first, count, State::Unavailable);
         });
+        sync::recordUse(device.sync, commandBuffer, "vkCmdResetQueryPool", known);
     }
     device.next.CmdResetQueryPool(commandBuffer, pool, first, count);
 }
@@ -176,6 +182,7 @@ void cmdWriteMicromapsProperties(DeviceValidation &device, VkCommandBuffer comma
     input::PropertyQuery query = writeProperties(RuleCheck(device, place, commandBuffer, commandBuffer),
                                                  input::parseQuery(count, micromaps, type, first), pool, known);
     sync::recordQuery(device.sync, commandBuffer, name, "pMicromaps", known);
+    sync::recordUse(device.sync, commandBuffer, name, device.objects.queryPools.get(pool));
     const input::Checked checked(micromaps, query);
     device.next.CmdWriteMicromapsPropertiesEXT(commandBuffer, count, micromaps, type, pool, first);
 }
@@ -190,6 +197,7 @@ void cmdWriteAccelerationStructuresProperties(DeviceValidation &device, VkComman
     input::PropertyQuery query = writeProperties(RuleCheck(device, place, commandBuffer, commandBuffer),
                                                  input::parseQuery(count, structures, type, first), pool, known);
     sync::recordQuery(device.sync, commandBuffer, name, "pAccelerationStructures", known);
+    sync::recordUse(device.sync, commandBuffer, name, device.objects.queryPools.get(pool));
     const input::Checked checked(structures, query);
     device.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, count, structures, type, pool, first);
 }

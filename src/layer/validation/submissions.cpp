@@ -15,6 +15,10 @@ void reportCompleted(DeviceValidation &device, bool idle)
     device.gpu.report(idle);
     device.traces.marks.report(device, idle);
     device.traces.traced.report(device);
+    const HeldMessages held;
+    const std::lock_guard lock(device.logs.submissions);
+    device.traces.pending.forgetComplete(
+        device, [&](VkQueue queue, uint64_t batch) { return device.sync.tracker.isPending(uint64_t(queue), batch); });
 }
 
 namespace validation
@@ -32,6 +36,15 @@ bool isLater(DeviceValidation &device, uint64_t semaphore, uint64_t value)
     return device.next.GetSemaphoreCounterValue(device.driver.handle, reinterpret_cast<VkSemaphore>(semaphore),
                                                 &reached) != VK_SUCCESS ||
            reached < value;
+}
+
+// Whether a command has its result. Resources are in use no more than after a success where the device is lost: then
+// all commands count as complete.
+bool succeeded(DeviceValidation &device, VkResult result)
+{
+    if (result == VK_ERROR_DEVICE_LOST)
+        device.sync.tracker.allIdle();
+    return result == VK_SUCCESS;
 }
 
 using SharedSteps = std::shared_ptr<const CommandLog::Steps>;
@@ -52,20 +65,20 @@ const char *invalidIdOf(const VkSubmitInfo2 &)
     return "VUID-vkQueueSubmit2-commandBuffer-03874";
 }
 
-void execute(DeviceValidation &device, VkQueue queue, const SharedSteps &steps, const char *invalidId, bool ordered)
+void execute(DeviceValidation &device, Submission submission, const SharedSteps &steps)
 {
     if (!steps)
         return;
-    auto &waits = device.logs.waits[queue];
+    auto &waits = device.logs.waits[submission.queue];
     std::erase_if(waits, [&](const auto &wait) { return !isLater(device, wait.first, wait.second); });
-    const Submission submission{queue, device.objects.queueFamilies.get(queue), invalidId, ordered && waits.empty()};
+    submission.ordered = submission.ordered && waits.empty();
     steps->run(submission, &CommandLog::Steps::effects);
 }
 
 template <typename Submit>
 void checkBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, std::span<const SharedSteps> steps)
 {
-    const Submission submission{queue, device.objects.queueFamilies.get(queue), invalidIdOf(batch), true};
+    const Submission submission{queue, device.objects.queueFamilies.get(queue), invalidIdOf(batch)};
     for (const SharedSteps &commandBuffer : steps)
         if (commandBuffer)
             commandBuffer->run(submission, &CommandLog::Steps::checks);
@@ -81,9 +94,10 @@ void executeBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, 
         if (use.value && isLater(device, use.semaphore, *use.value))
             device.logs.waits[queue].emplace_back(use.semaphore, *use.value);
     }
-    sync::beginBatch(device.sync, queue, waits, ordered);
+    const uint64_t number = sync::beginBatch(device.sync, queue, waits, ordered);
     for (const SharedSteps &commandBuffer : steps)
-        execute(device, queue, commandBuffer, invalidIdOf(batch), ordered);
+        execute(device, {queue, device.objects.queueFamilies.get(queue), invalidIdOf(batch), number, ordered},
+                commandBuffer);
     const std::vector<sync::SemaphoreUse> signals = sync::signalsOf(device.sync, batch);
     sync::endBatch(device.sync, queue, signals, ordered);
     for (const sync::SemaphoreUse &use : signals) {
@@ -112,7 +126,7 @@ VkResult submit(DeviceValidation &device, VkQueue queue, std::span<const Submit>
     SubmissionTurn turn(device.logs);
     const VkResult result = next();
     const bool ordered = turn.await();
-    if (result != VK_SUCCESS)
+    if (!succeeded(device, result))
         return result;
     remember(device.objects, [&] {
         for (size_t i = 0; i < batches.size(); ++i)
@@ -181,7 +195,7 @@ VkResult queueBindSparse(DeviceValidation &device, VkQueue queue, uint32_t count
 VkResult queueWaitIdle(DeviceValidation &device, VkQueue queue)
 {
     const VkResult result = device.next.QueueWaitIdle(queue);
-    if (result == VK_SUCCESS)
+    if (succeeded(device, result))
         device.sync.tracker.queueIdle(uint64_t(queue));
     reportCompleted(device, false);
     return result;
@@ -190,7 +204,7 @@ VkResult queueWaitIdle(DeviceValidation &device, VkQueue queue)
 VkResult deviceWaitIdle(DeviceValidation &device, VkDevice handle)
 {
     const VkResult result = device.next.DeviceWaitIdle(handle);
-    if (result == VK_SUCCESS)
+    if (succeeded(device, result))
         device.sync.tracker.allIdle();
     reportCompleted(device, result == VK_SUCCESS);
     return result;
@@ -200,7 +214,7 @@ VkResult waitForFences(DeviceValidation &device, VkDevice handle, uint32_t count
                        uint64_t timeout)
 {
     const VkResult result = device.next.WaitForFences(handle, count, fences, all, timeout);
-    if (result == VK_SUCCESS)
+    if (succeeded(device, result))
         sync::fencesComplete(device.sync, handle, count, fences, all == VK_TRUE || count == 1);
     reportCompleted(device, false);
     return result;
@@ -209,7 +223,7 @@ VkResult waitForFences(DeviceValidation &device, VkDevice handle, uint32_t count
 VkResult getFenceStatus(DeviceValidation &device, VkDevice handle, VkFence fence)
 {
     const VkResult result = device.next.GetFenceStatus(handle, fence);
-    if (result == VK_SUCCESS)
+    if (succeeded(device, result))
         sync::fencesComplete(device.sync, handle, 1, &fence, true);
     reportCompleted(device, false);
     return result;
@@ -218,7 +232,7 @@ VkResult getFenceStatus(DeviceValidation &device, VkDevice handle, VkFence fence
 VkResult waitSemaphores(DeviceValidation &device, VkDevice handle, const VkSemaphoreWaitInfo *info, uint64_t timeout)
 {
     const VkResult result = device.next.WaitSemaphores(handle, info, timeout);
-    if (result == VK_SUCCESS)
+    if (succeeded(device, result))
         sync::semaphoresReached(device.sync, handle, *info);
     reportCompleted(device, false);
     return result;
@@ -227,7 +241,7 @@ VkResult waitSemaphores(DeviceValidation &device, VkDevice handle, const VkSemap
 VkResult getSemaphoreCounterValue(DeviceValidation &device, VkDevice handle, VkSemaphore semaphore, uint64_t *value)
 {
     const VkResult result = device.next.GetSemaphoreCounterValue(handle, semaphore, value);
-    if (device.checks.sync && result == VK_SUCCESS) {
+    if (succeeded(device, result) && device.checks.sync) {
         device.logs.settle();
         device.sync.tracker.semaphoreReached(uint64_t(semaphore), *value);
     }
@@ -290,7 +304,7 @@ VkResult getQueryPoolResults(DeviceValidation &device, VkDevice handle, VkQueryP
                              uint32_t count, size_t size, void *data, VkDeviceSize stride, VkQueryResultFlags flags)
 {
     const VkResult result = device.next.GetQueryPoolResults(handle, pool, first, count, size, data, stride, flags);
-    if (result == VK_SUCCESS)
+    if (succeeded(device, result))
         allIdle(device);
     return result;
 }

@@ -105,8 +105,8 @@ uint pieceFlags(Mip mip, Shape s, ivec2 cell)
     precise const vec2 across = s.j - s.i;
     const float size = max(max(max(abs(s.i.x), abs(s.i.y)), max(abs(s.j.x), abs(s.j.y))),
                            max(abs(across.x), abs(across.y)));
-    const float extent = size + 4.0 + 2.0 * max(s.margin.x, s.margin.y);
-    const float edgeSlack = 4.0 * extent * (size * (1.0 / 2097152.0) + 1.0 / 16777216.0);
+    const float scale = size + 4.0 + 2.0 * max(s.margin.x, s.margin.y);
+    const float edgeSlack = 4.0 * scale * (size * (1.0 / 2097152.0) + 1.0 / 16777216.0);
     const float area = crossOf(s.i, s.j);
     const bool moved = s.margin.x > 0.0 || s.margin.y > 0.0;
     // If rounding hides the orientation of the triangle, its edges move to both sides.

@@ -196,7 +196,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createShaderModule(VkDevice handle, const VkShade
                                                   const VkAllocationCallbacks *allocator, VkShaderModule *module)
 {
     if (lacksQueries(keyOf(handle)) && declaresRayQueries(info->pCode, info->codeSize))
-        tell("vkCreateShaderModule: VUID-VkShaderModuleCreateInfo-pCode-08740: RayQueryKHR");
+        report("vkCreateShaderModule: VUID-VkShaderModuleCreateInfo-pCode-08740: RayQueryKHR");
     const VkResult result = DRIVER_NEXT(vkCreateShaderModule)(handle, info, allocator, module);
     std::lock_guard lock(modulesMutex);
     if (result == VK_SUCCESS)

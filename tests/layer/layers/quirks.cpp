@@ -22,7 +22,8 @@ std::span<const Quirk> allQuirks()
          "a driver that rewrites shaders and structures itself: that copy emulates micromaps on every device, though "
          "it says nothing of them"},
         {"vendors", Level::Vendors,
-         "extensions for ray tracing that do not work together with the layer's micromaps, and one that it does not know, "
+         "extensions for ray tracing that do not work together with the layer's micromaps, and one that it does not "
+         "know, "
          "which the driver only says"},
         {"failures", Level::Failures,
          "commands that a test selects run out of memory, or the device is lost (Lost Device)"},

@@ -74,7 +74,7 @@ class Headers:
             elif found["flags"]:
                 self.flags[found["flags"]] = re.sub(r"Flags(\d?)", r"FlagBits\1", found["flags"])
             elif found["alias"]:
-                # Of a pair either may be the alias, in Vulkan's header and in ours; the first header has the say.
+                # Either name of a pair may be the alias, in Vulkan's header and in Vellum's; the first header decides.
                 if self.resolved(found["original"]) != found["alias"]:
                     self.aliases.setdefault(found["alias"], found["original"])
             elif found["command"]:

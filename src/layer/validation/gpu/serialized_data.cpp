@@ -413,10 +413,13 @@ void checkCompactedSize(GpuChecks &gpu, const RuleCheck &check, const std::share
 std::string wrongMicromapOf(const DeviceModel &device, const StructureContents &contents, uint64_t number)
 {
     const SerializedHeader &header = *contents.header;
-    // Micromaps that were built before the structure was deserialized may be those of its original build.
+    // Micromaps that were built before the structure was deserialized may be those of its original build, which
+    // attached them.
     const auto isWrong = [&](const ValidatedStructure &micromap) {
+        const auto &built = micromap.contents;
+        const bool isAttached = micromap.mayBeAttached || (built && built->isAttached);
         return micromap.number <= number && micromap.since <= number &&
-               (!micromap.contents || (!micromap.contents->deserialized && micromap.built > header.number));
+               (!built || (!built->deserialized && (micromap.built > header.number || !isAttached)));
     };
     if (!hasSizes(device, contents.type) || !device.objects.byMemory.isComplete())
         return {};
@@ -428,7 +431,7 @@ std::string wrongMicromapOf(const DeviceModel &device, const StructureContents &
             continue;
         const ValidatedStructure &micromap = *known.front();
         return "the structure was deserialized; its micromap " + device.nameOf(micromap.handle) +
-               (micromap.contents ? " was built since, and not deserialized" : " was not deserialized");
+               (micromap.contents ? " was built, and not deserialized" : " was not deserialized");
     }
     return {};
 }

@@ -45,6 +45,8 @@ struct Submission {
     uint32_t family = 0;
     // The rule that command buffers refer to no object that was destroyed.
     const char *invalidId = nullptr;
+    uint64_t batch =
+        0; // the number of the batch on its queue, as sync::Tracker counts; 0: when it is complete is not known
     // All that it waits for was submitted before. Otherwise what structures hold when it is executed is not known.
     bool ordered = true;
 };

@@ -110,6 +110,7 @@ struct StructureContents {
     std::vector<VkMicromapUsageEXT> usages;   // of a micromap
     uint64_t triangles = 0;                   // of a micromap
     bool discardable = false;                 // structures that attach the micromap keep a copy of it
+    mutable bool isAttached = false;          // a structure was built with the micromap, or with a copy of it
     bool deserialized = false;                // the other members are unknown, except the header
     std::shared_ptr<SerializedHeader> header; // of the data of a structure; null: unknown
     CapturedInstances instances;              // of a top-level structure

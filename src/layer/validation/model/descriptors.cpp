@@ -18,11 +18,11 @@ constexpr VkDescriptorType kStructure = VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTUR
 void setStructures(StructureSet &set, uint32_t binding, uint32_t element, const StructurePointers &structures)
 {
     for (const auto &structure : structures) {
-        auto size = set.sizes.find(binding);
-        while (size != set.sizes.end() && element >= size->second) {
-            element -= size->second;
-            ++size;
-            binding = size == set.sizes.end() ? binding : size->first;
+        auto at = set.bindings.find(binding);
+        while (at != set.bindings.end() && element >= at->second.size) {
+            element -= at->second.size;
+            ++at;
+            binding = at == set.bindings.end() ? binding : at->first;
         }
         StructurePointers &known = set.structures[binding];
         if (known.size() <= element)

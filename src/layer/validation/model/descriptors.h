@@ -24,9 +24,15 @@ struct ValidatedStructure;
 // Includes structures that were destroyed.
 using StructurePointers = std::vector<std::shared_ptr<ValidatedStructure>>;
 
+struct DescriptorBinding {
+    uint32_t size = 0;
+    bool mayBeUnused = false; // what descriptors are not used by shaders need not be valid
+};
+using DescriptorBindings = std::map<uint32_t, DescriptorBinding>; // of a layout
+
 // A descriptor set, or the descriptors that a command buffer has pushed for one.
 struct StructureSet {
-    std::map<uint32_t, uint32_t> sizes;               // of the bindings of the layout
+    DescriptorBindings bindings;                      // none: they are not known
     std::map<uint32_t, StructurePointers> structures; // by binding
 };
 
@@ -49,7 +55,7 @@ public:
 private:
     friend struct DescriptorAccess;
     mutable std::mutex mutex_; // guards everything, and the content of sets
-    std::unordered_map<VkDescriptorSetLayout, std::map<uint32_t, uint32_t>> layouts_;
+    std::unordered_map<VkDescriptorSetLayout, DescriptorBindings> layouts_;
     std::unordered_map<VkDescriptorPool, std::unordered_set<VkDescriptorSet>> pools_;
     std::unordered_map<VkDescriptorSet, std::shared_ptr<StructureSet>> sets_;
     std::unordered_map<VkDescriptorUpdateTemplate, StructureTemplate> templates_;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/model/device_facts.h"
 
+#include <algorithm>
 #include <cstring>
 
 #include "layer/base/driver.h"
@@ -94,6 +95,12 @@ DeviceFacts factsOf(const Driver &driver, const VkDeviceCreateInfo &info)
                                        &VkPhysicalDeviceBufferDeviceAddressFeatures::bufferDeviceAddressMultiDevice,
                                        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES,
                                        &VkPhysicalDeviceVulkan12Features::bufferDeviceAddressMultiDevice);
+    constexpr const char *kWaits[] = {"VK_KHR_present_wait",           "VK_KHR_present_wait2",
+                                      "VK_KHR_external_fence_fd",      "VK_KHR_external_fence_win32",
+                                      "VK_KHR_external_semaphore_fd",  "VK_KHR_external_semaphore_win32",
+                                      "VK_FUCHSIA_external_semaphore", "VK_EXT_metal_objects"};
+    facts.waitsElsewhere =
+        std::ranges::any_of(kWaits, [&info](const char *extension) { return enables(info, extension); });
     const auto *group =
         findInChain<VkDeviceGroupDeviceCreateInfo>(info.pNext, VK_STRUCTURE_TYPE_DEVICE_GROUP_DEVICE_CREATE_INFO);
     facts.isGroup = group && group->physicalDeviceCount > 1;

@@ -24,6 +24,8 @@ struct DeviceFacts {
     bool structureCaptureReplay = false;
     bool addressMultiDevice = false;
 
+    // The host may learn that work is complete by presentation, or by fences and semaphores of others.
+    bool waitsElsewhere = false;
     bool isGroup = false;                 // of several physical devices
     VkShaderStageFlags storingStages = 0; // stages whose shaders may write to memory
 

@@ -22,6 +22,19 @@ bool mayBeDiscardable(const DeviceModel &device, const ValidatedStructure &micro
     return contents && (contents->discardable || (isDrivers && contents->deserialized));
 }
 
+void addUse(ReferredObject &object, const Submission &submission, CommandUse use)
+{
+    if (submission.batch == 0)
+        return;
+    use.queue = submission.queue;
+    use.batch = submission.batch;
+    const auto known = std::ranges::find(object.uses, use.queue, &CommandUse::queue);
+    if (known == object.uses.end())
+        object.uses.push_back(use);
+    else if (known->batch <= use.batch)
+        *known = use;
+}
+
 void setContents(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure,
                  std::shared_ptr<const StructureContents> contents)
 {
@@ -29,6 +42,7 @@ void setContents(DeviceModel &device, const std::shared_ptr<ValidatedStructure> 
     structure->overwrittenBy = {};
     structure->losses = 0;
     structure->since = structure->built = ++device.numbers;
+    ++device.objects.constructions;
     if (!structure->contents)
         return;
     const auto before = device.objects.constructed.set(structure);
@@ -43,6 +57,14 @@ void setContents(DeviceModel &device, const std::shared_ptr<ValidatedStructure> 
     before->overwrittenBy = structure->handle;
     if (!isDiscardable)
         device.objects.lost.add(*before, {structure->since, before->handle, "was overwritten by another structure"});
+}
+
+void setAttached(ValidatedStructure &micromap, bool isOrdered)
+{
+    if (micromap.contents)
+        micromap.contents->isAttached = true;
+    if (!isOrdered)
+        micromap.mayBeAttached = true;
 }
 
 void setReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure, VkDeviceAddress address)
@@ -155,6 +177,20 @@ std::shared_ptr<ValidatedStructure> StructuresByReference::at(VkDeviceAddress re
             last = structure;
     });
     return last;
+}
+
+std::shared_ptr<ValidatedStructure> StructuresByReference::onlyAt(VkDeviceAddress reference) const
+{
+    const std::lock_guard lock(mutex_);
+    std::shared_ptr<ValidatedStructure> only;
+    size_t count = 0;
+    structures_.visit(reference, [&](const auto &structure) {
+        if (structure->destroyed)
+            return;
+        only = structure;
+        ++count;
+    });
+    return count == 1 ? only : nullptr;
 }
 
 void StructuresByMemory::add(const std::shared_ptr<ValidatedStructure> &structure)

@@ -27,6 +27,7 @@ namespace vellum::layer
 {
 
 struct DeviceModel;
+struct Submission;
 struct ValidatedStructure;
 
 // Objects that depend on another one. Entries of objects that are gone are removed now and then.
@@ -98,14 +99,33 @@ private:
     std::map<VkDeviceSize, VkDeviceSize> ends_; // of disjoint parts, by their beginnings
 };
 
-struct ValidatedBuffer {
-    VkBuffer handle = VK_NULL_HANDLE;
+// A command that refers to an object, in a batch of a submission.
+struct CommandUse {
+    VkQueue queue = VK_NULL_HANDLE;
+    uint64_t batch = 0; // Submission::batch
+    const char *command = nullptr;
+    const char *array = nullptr; // and element of it; null: the command has one subject
+    uint32_t element = 0;
+    const char *subject = nullptr; // what the object is to the command, such as "micromap"
+    VkDeviceAddress address = 0;   // by which the command refers to a buffer; 0: it does so by a handle
+};
+
+// What commands refer to. It must not be destroyed before they are complete.
+struct ReferredObject {
+    ObjectHandle handle;
+    uint64_t number = 0; // unique on the device
+    // Other threads may ask for it while the application destroys what is idle.
+    std::atomic<bool> destroyed = false;
+    std::vector<CommandUse> uses; // of each queue, the last one. CommandLogs::submissions is held
+};
+
+struct ValidatedBuffer : ReferredObject {
+    [[nodiscard]] VkBuffer buffer() const { return reinterpret_cast<VkBuffer>(handle.handle); }
     VkDeviceSize size = 0;
     VkFlags64 usage = 0; // as the application requested
     VkBufferCreateFlags flags = 0;
     bool exclusive = false; // it belongs to one queue family at a time
-    // Other threads may read these while the application destroys or frees idle objects.
-    std::atomic<bool> destroyed = false;
+    // Other threads may read these while the application frees idle objects.
     std::atomic<bool> memoryFreed = false;
     std::atomic<VkDeviceMemory> memory = VK_NULL_HANDLE; // null until it is bound, and once the memory is freed
     VkDeviceSize memoryOffset = 0;
@@ -115,9 +135,7 @@ struct ValidatedBuffer {
 };
 
 // A VkAccelerationStructureKHR or a VkMicromapEXT.
-struct ValidatedStructure {
-    ObjectHandle handle;
-    uint64_t number = 0; // unique on the device
+struct ValidatedStructure : ReferredObject {
     VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     VkFlags createFlags = 0;
     std::shared_ptr<ValidatedBuffer> buffer; // null if it is unknown: made by address, where no buffer is known
@@ -125,6 +143,8 @@ struct ValidatedStructure {
     VkDeviceSize size = 0;
     VkDeviceAddress memoryAddress = 0; // of its memory; 0: unknown
     bool byAddress = false;            // it was created with the address alone: the buffer is one of those there
+    // Of CommandUse, for its buffer.
+    [[nodiscard]] VkDeviceAddress bufferAddress() const { return byAddress ? memoryAddress : 0; }
     // From vkGetAccelerationStructureDeviceAddressKHR; 0 until the application calls it, or the structure is built.
     std::atomic<VkDeviceAddress> referenceAddress = 0;
 
@@ -135,9 +155,9 @@ struct ValidatedStructure {
     ObjectHandle overwrittenBy;                        // constructed later in its memory; none: nothing
     uint64_t since = 0;                                // DeviceModel::numbers when it got them
     uint64_t built = 0;                                // `built` of the structure that they were copied from
-    uint64_t losses = 0; // 1 + LostStructures::count() when instances were last checked; 0: they were not
-    std::atomic<bool> destroyed = false;
-    bool ownAllocator = false; // it was created with allocation callbacks
+    uint64_t losses = 0;        // 1 + LostStructures::count() when instances were last checked; 0: they were not
+    bool ownAllocator = false;  // it was created with allocation callbacks
+    bool mayBeAttached = false; // to a structure whose build has no known order
 
     [[nodiscard]] bool isMicromap() const
     {
@@ -213,8 +233,8 @@ private:
     std::atomic<uint64_t> count_ = 0;
 };
 
-// A query pool with sizes of structures or micromaps.
-struct ValidatedQueryPool {
+// A query pool. Its states are of sizes of structures or micromaps.
+struct ValidatedQueryPool : ReferredObject {
     enum class State : uint8_t { Unknown, Unavailable, Available };
     VkQueryType type = VK_QUERY_TYPE_MAX_ENUM;
     std::vector<State> states; // of its queries, which change when commands are executed
@@ -250,6 +270,8 @@ public:
     // The last one that got the reference, of those that are constructed if there are any; null if all are gone.
     // CommandLogs::submissions is held.
     [[nodiscard]] std::shared_ptr<ValidatedStructure> at(VkDeviceAddress reference) const;
+    // The one that got the reference and was not destroyed; null if there are several.
+    [[nodiscard]] std::shared_ptr<ValidatedStructure> onlyAt(VkDeviceAddress reference) const;
 
 private:
     mutable std::mutex mutex_;
@@ -319,6 +341,7 @@ struct ValidatedObjects {
     DestroyedHandles destroyed;
     LostStructures lost;
     ConstructedStructures constructed;
+    uint64_t constructions = 0; // how often a structure got contents. CommandLogs::submissions is held
     HandleMap<VkDeviceMemory, ValidatedMemory> memories;
     HandleMap<VkQueryPool, std::shared_ptr<ValidatedQueryPool>> queryPools;
     HandleMap<VkBuffer, std::shared_ptr<ValidatedBuffer>> buffers;
@@ -348,9 +371,13 @@ void remember(ValidatedObjects &objects, Keep keep) noexcept
     }
 }
 
+// A command that is executed refers to an object. CommandLogs::submissions is held.
+void addUse(ReferredObject &object, const Submission &submission, CommandUse use);
 // Gives a structure new contents. CommandLogs::submissions is held: in steps it is.
 void setContents(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure,
                  std::shared_ptr<const StructureContents> contents);
+// A structure is built with the micromap. CommandLogs::submissions is held.
+void setAttached(ValidatedStructure &micromap, bool isOrdered);
 // Instances name the structure by that address.
 void setReference(DeviceModel &device, const std::shared_ptr<ValidatedStructure> &structure, VkDeviceAddress address);
 // As above, for a structure that is about to be constructed: the application may know the address from an earlier one

@@ -49,6 +49,14 @@ void checkMicromapBuffer(const RuleCheck &check, const ValidatedBuffer &buffer)
                   "it was created with VK_BUFFER_CREATE_SPARSE_RESIDENCY_BIT");
 }
 
+bool isType(VkAccelerationStructureTypeKHR type)
+{
+    return type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR ||
+           type == VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR ||
+           type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ||
+           type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+}
+
 } // namespace
 
 input::Creation checkCreation(DeviceModel &device, const VkMicromapCreateInfoEXT &info)
@@ -89,6 +97,12 @@ input::Creation checkCreation(DeviceModel &device, const VkAccelerationStructure
     if (!device.checks.core)
         return creation;
     const RuleCheck check(device, place);
+    if (info.sType != VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR)
+        check.fault("sType", "VUID-VkAccelerationStructureCreateInfo2KHR-sType-sType",
+                    "it is that of " + nameOf(info.sType));
+    if (!isType(info.type) && !device.driver.enabled.otherStructures)
+        check.fault("type", "VUID-VkAccelerationStructureCreateInfo2KHR-type-parameter",
+                    "it is " + std::to_string(info.type));
     checkRange(check, info.addressRange, info.createFlags);
     if ((info.createFlags & kReplay) != 0) {
         check.require(device.facts.structureCaptureReplay, "createFlags",

@@ -82,7 +82,7 @@ Location locationAt(const DeviceModel &device, VkDeviceAddress address, VkDevice
     const auto buffer = found.buffer ? device.objects.buffers.get(found.buffer) : nullptr;
     if (!buffer || size == 0)
         return {};
-    return {rangeOf(buffer.get(), found.offset, size), buffer->exclusive, buffer->handle};
+    return {rangeOf(buffer.get(), found.offset, size), buffer->exclusive, buffer->handle, buffer, address};
 }
 
 Location locationIn(const DeviceModel &device, VkBuffer handle, VkDeviceSize offset, VkDeviceSize size)
@@ -94,18 +94,12 @@ Location locationIn(const DeviceModel &device, VkBuffer handle, VkDeviceSize off
         VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
     if (!buffer || (buffer->usage & interesting) == 0)
         return {};
-    return {rangeOf(buffer.get(), offset, size), buffer->exclusive, buffer->handle};
+    return {rangeOf(buffer.get(), offset, size), buffer->exclusive, buffer->handle, buffer};
 }
 
 Range rangeIn(const DeviceModel &device, VkBuffer handle, VkDeviceSize offset, VkDeviceSize size)
 {
     return rangeOf(device.objects.buffers.get(handle).get(), offset, size);
-}
-
-std::string placeOf(const Access &access)
-{
-    const Place command(access.command);
-    return access.array ? command.element(access.array, access.element).text() : command.text();
 }
 
 void report(DeviceModel &device, const Hazard &hazard)
@@ -178,15 +172,28 @@ public:
     }
     void reads(const char *subject, Scope scope, const Location &location) { add(subject, scope, location, false); }
     void writes(const char *subject, Scope scope, const Location &location) { add(subject, scope, location, true); }
-    void refers(const std::shared_ptr<ValidatedStructure> &structure)
+    void refers(const char *subject, const std::shared_ptr<ValidatedStructure> &structure)
     {
-        if (structure)
-            structures_.push_back(structure);
+        if (!structure)
+            return;
+        structures_.push_back(structure);
+        uses(subject, structure, 0);
+        uses(subject, structure->buffer, structure->bufferAddress());
+    }
+    // An object that must not be destroyed before the command is complete. `address`: of CommandUse.
+    void uses(const char *subject, const std::shared_ptr<ReferredObject> &object, VkDeviceAddress address)
+    {
+        // Geometries often have their data in the same buffers.
+        const auto recent = uses_.end() - std::min<ptrdiff_t>(std::ssize(uses_), 4);
+        if (object && std::none_of(recent, uses_.end(), [&](const Use &use) { return use.object == object; }))
+            uses_.push_back(
+                {object,
+                 {.command = command_, .array = array_, .element = element_, .subject = subject, .address = address}});
     }
 
     void record()
     {
-        if (accesses_.empty() && structures_.empty())
+        if (accesses_.empty() && uses_.empty())
             return;
         if (!structures_.empty())
             sync_.device.logs.addCheck(
@@ -194,16 +201,23 @@ public:
                 [&sync = sync_, command = command_, structures = std::move(structures_)](const Submission &submission) {
                     reportDestroyed(sync.device, submission, command, structures);
                 });
-        sync_.device.logs.add(commandBuffer_,
-                              [&sync = sync_, accesses = std::move(accesses_)](const Submission &submission) {
-                                  for (const Hazard &hazard : sync.tracker.access(uint64_t(submission.queue), accesses))
-                                      report(sync.device, hazard);
-                              });
+        sync_.device.logs.add(commandBuffer_, [&sync = sync_, accesses = std::move(accesses_),
+                                               uses = std::move(uses_)](const Submission &submission) {
+            for (const Use &use : uses)
+                addUse(*use.object, submission, use.use);
+            for (const Hazard &hazard : sync.tracker.access(uint64_t(submission.queue), accesses))
+                report(sync.device, hazard);
+        });
     }
 
 private:
+    struct Use {
+        std::shared_ptr<ReferredObject> object;
+        CommandUse use;
+    };
     void add(const char *subject, Scope scope, const Location &location, bool writes)
     {
+        uses(subject, location.buffer, location.address);
         if (location.range.empty())
             return;
         const Access access{location.range, scope,  writes,   false,   location.exclusive,
@@ -220,6 +234,7 @@ private:
     uint32_t element_ = 0;
     std::vector<Access> accesses_;
     std::vector<std::shared_ptr<ValidatedStructure>> structures_;
+    std::vector<Use> uses_;
 };
 
 const char *subjectOf(const std::shared_ptr<ValidatedStructure> &structure)
@@ -229,13 +244,13 @@ const char *subjectOf(const std::shared_ptr<ValidatedStructure> &structure)
 
 void readStructure(Recorder &recorder, Scope scope, const std::shared_ptr<ValidatedStructure> &structure)
 {
-    recorder.refers(structure);
+    recorder.refers(subjectOf(structure), structure);
     recorder.reads(subjectOf(structure), scope, locationOf(structure.get()));
 }
 
 void writeStructure(Recorder &recorder, Scope scope, const std::shared_ptr<ValidatedStructure> &structure)
 {
-    recorder.refers(structure);
+    recorder.refers(subjectOf(structure), structure);
     recorder.writes(subjectOf(structure), scope, locationOf(structure.get()));
 }
 
@@ -291,6 +306,24 @@ void addInstances(const DeviceSync &sync, Recorder &recorder,
                               range->primitiveCount * input::instanceStride(instances)));
 }
 
+// The data of triangles and boxes: how much of it is read is not looked up.
+void addGeometry(const DeviceSync &sync, Recorder &recorder, const VkAccelerationStructureGeometryKHR &geometry)
+{
+    const auto use = [&](const char *subject, VkDeviceAddress address) {
+        recorder.uses(subject, locationAt(sync.device, address, 1).buffer, address);
+    };
+    if (geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR) {
+        const auto &triangles = geometry.geometry.triangles;
+        use("vertexData", triangles.vertexData.deviceAddress);
+        if (triangles.indexType != VK_INDEX_TYPE_NONE_KHR)
+            use("indexData", triangles.indexData.deviceAddress);
+        if (triangles.transformData.deviceAddress != 0)
+            use("transformData", triangles.transformData.deviceAddress);
+    } else if (geometry.geometryType == VK_GEOMETRY_TYPE_AABBS_KHR) {
+        use("boxes", geometry.geometry.aabbs.data.deviceAddress);
+    }
+}
+
 void addBuild(const DeviceSync &sync, Recorder &recorder, const input::StructureBuild &build)
 {
     for (uint32_t g = 0; g < build.geometries.size(); ++g) {
@@ -300,6 +333,8 @@ void addBuild(const DeviceSync &sync, Recorder &recorder, const input::Structure
             addAttachment(sync, recorder, *geometry.attachment, range);
         else if (geometry.isInstances())
             addInstances(sync, recorder, geometry.given->geometry.instances, range);
+        if (geometry.given && range && range->primitiveCount > 0)
+            addGeometry(sync, recorder, *geometry.given);
     }
     const auto &info = *build.given;
     const uint64_t scratch = sync.scratch.smallest(ScratchSizes::kindOf(info.type, build.isUpdate()));
@@ -389,6 +424,23 @@ void recordQuery(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *co
     recorder.record();
 }
 
+void recordUse(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *command,
+               const std::shared_ptr<ValidatedQueryPool> &pool)
+{
+    if (!sync.device.checks.sync || !pool)
+        return;
+    sync.device.logs.addCheck(commandBuffer, [&sync, command, pool](const Submission &submission) {
+        if (pool->destroyed)
+            sync.device.fault(Place(command), submission.invalidId,
+                              "query pool " + sync.device.nameOf(pool->handle) +
+                                  ": when the command buffer is submitted, it was destroyed",
+                              pool->handle);
+    });
+    sync.device.logs.add(commandBuffer, [command, pool](const Submission &submission) {
+        addUse(*pool, submission, {.command = command, .subject = "query pool"});
+    });
+}
+
 // ------------------------------------------------------------------------------------------ transfers
 
 namespace
@@ -423,6 +475,13 @@ void record(DeviceSync &sync, VkCommandBuffer commandBuffer, const TransferRegio
         for (const bool writes : {false, true}) {
             const TransferMemory &memory = writes ? region.target : region.source;
             const Location location = memory.size != 0 ? memory.location(sync.device) : Location{};
+            if (location.buffer)
+                addUse(*location.buffer, submission,
+                       {.command = region.command,
+                        .array = region.array,
+                        .element = region.index,
+                        .subject = memory.buffer ? "buffer" : "memory",
+                        .address = location.address});
             const VkAccessFlags2 access = writes ? VK_ACCESS_2_TRANSFER_WRITE_BIT : VK_ACCESS_2_TRANSFER_READ_BIT;
             if (!location.range.empty())
                 accesses.push_back({location.range,

@@ -87,6 +87,9 @@ void recordDeserialization(DeviceSync &, VkCommandBuffer, const char *command, V
 void recordQuery(DeviceSync &, VkCommandBuffer, const char *command, const char *array,
                  const std::vector<std::shared_ptr<ValidatedStructure>> &structures);
 
+// The command uses the query pool; null: an unknown one.
+void recordUse(DeviceSync &, VkCommandBuffer, const char *command, const std::shared_ptr<ValidatedQueryPool> &pool);
+
 // Transfers.
 void recordCopy(DeviceSync &, VkCommandBuffer, const char *command, VkBuffer from, VkBuffer to,
                 const VkBufferCopy &region, uint32_t index);
@@ -103,7 +106,8 @@ std::vector<SemaphoreUse> waitsOf(const DeviceSync &, const VkSubmitInfo2 &);
 std::vector<SemaphoreUse> signalsOf(const DeviceSync &, const VkSubmitInfo &);
 std::vector<SemaphoreUse> signalsOf(const DeviceSync &, const VkSubmitInfo2 &);
 // Around the steps of its command buffers. `ordered`: SubmissionTurn::await().
-void beginBatch(DeviceSync &, VkQueue, const std::vector<SemaphoreUse> &waits, bool ordered);
+// The number of the batch on its queue; 0: when it is complete is not known.
+uint64_t beginBatch(DeviceSync &, VkQueue, const std::vector<SemaphoreUse> &waits, bool ordered);
 void endBatch(DeviceSync &, VkQueue, const std::vector<SemaphoreUse> &signals, bool ordered);
 void signalFence(DeviceSync &, VkQueue, VkFence, bool ordered);
 
@@ -127,10 +131,9 @@ void recordWait(DeviceSync &, VkCommandBuffer, uint32_t, const VkEvent *, const 
 // Called after a successful wait of the host. `all`: for all fences, not for any.
 void fencesComplete(DeviceSync &, VkDevice, uint32_t, const VkFence *, bool all);
 void semaphoresReached(DeviceSync &, VkDevice, const VkSemaphoreWaitInfo &);
-// Before a structure or a buffer is destroyed. `rule`: that commands which refer to it must be complete.
-void checkDestruction(DeviceSync &, const char *command, const char *rule, const ValidatedStructure *);
-void checkDestruction(DeviceSync &, const ValidatedBuffer *);
-void checkFree(DeviceSync &, VkDeviceMemory);
+// Before an object is destroyed, and a buffer cannot be found by its address any more. `rule`: that commands which
+// refer to it must be complete. Returns whether that is so, as far as it is known.
+bool checkUnused(DeviceSync &, const Place &command, const char *rule, const ReferredObject &);
 
 // --- For the files of this folder.
 
@@ -139,6 +142,8 @@ struct Location {
     Range range; // empty: unknown, or of no interest
     bool exclusive = false;
     ObjectHandle object;
+    std::shared_ptr<ReferredObject> buffer{}; // to which the command refers; null: to none
+    VkDeviceAddress address = 0;              // by which it does
 };
 
 // The first bytes of a structure, which nothing but the structure accesses: how much of its size commands access is not
@@ -150,8 +155,13 @@ Location locationIn(const DeviceModel &device, VkBuffer buffer, VkDeviceSize off
 // As above, for any buffer.
 Range rangeIn(const DeviceModel &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize size);
 
-// For example "vkCmdBuildMicromapsEXT: pInfos[2]".
-std::string placeOf(const Access &access);
+// For example "vkCmdBuildMicromapsEXT: pInfos[2]". `Part`: Access or CommandUse.
+template <typename Part>
+std::string placeOf(const Part &part)
+{
+    const Place command(part.command);
+    return part.array ? command.element(part.array, part.element).text() : command.text();
+}
 void report(DeviceModel &device, const Hazard &hazard);
 // Structures that a submitted command refers to.
 void reportDestroyed(DeviceModel &device, const Submission &submission, const char *command,

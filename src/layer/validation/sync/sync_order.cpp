@@ -245,10 +245,13 @@ std::vector<SemaphoreUse> signalsOf(const DeviceSync &sync, const VkSubmitInfo2 
     return usesOf(sync, submit.signalSemaphoreInfoCount, submit.pSignalSemaphoreInfos);
 }
 
-void beginBatch(DeviceSync &sync, VkQueue queue, const std::vector<SemaphoreUse> &waits, bool ordered)
+uint64_t beginBatch(DeviceSync &sync, VkQueue queue, const std::vector<SemaphoreUse> &waits, bool ordered)
 {
-    if (sync.device.checks.sync)
+    if (!sync.device.checks.sync)
+        return 0;
+    const uint64_t number =
         sync.tracker.beginBatch(uint64_t(queue), sync.device.objects.queueFamilies.get(queue), waits, ordered);
+    return sync.device.facts.waitsElsewhere ? 0 : number;
 }
 
 void endBatch(DeviceSync &sync, VkQueue queue, const std::vector<SemaphoreUse> &signals, bool ordered)
@@ -290,42 +293,26 @@ void semaphoresReached(DeviceSync &sync, VkDevice handle, const VkSemaphoreWaitI
     }
 }
 
-void checkDestruction(DeviceSync &sync, const char *command, const char *rule, const ValidatedStructure *structure)
+bool checkUnused(DeviceSync &sync, const Place &command, const char *rule, const ReferredObject &object)
 {
-    if (!sync.device.checks.sync || !structure)
-        return;
-    if (const auto use = sync.tracker.pendingUse(locationOf(structure).range, structure->handle))
-        sync.device.fault(Place(command), rule,
-                          sync.device.nameOf(structure->handle) + " is used by " + placeOf(*use) +
-                              ", which is not known to be complete",
-                          structure->handle);
-}
-
-void checkDestruction(DeviceSync &sync, const ValidatedBuffer *buffer)
-{
-    if (!sync.device.checks.sync || !buffer)
-        return;
-    std::optional<Access> use =
-        sync.tracker.pendingUse(rangeIn(sync.device, buffer->handle, 0, buffer->size), buffer->handle);
-    buffer->structures.visit([&](const std::shared_ptr<ValidatedStructure> &structure) {
-        if (!use && !structure->destroyed && !structure->byAddress)
-            use = sync.tracker.pendingUse(locationOf(structure.get()).range, structure->handle);
-    });
-    if (use)
-        sync.device.fault(Place("vkDestroyBuffer"), "VUID-vkDestroyBuffer-buffer-00922",
-                          sync.device.nameOf(buffer->handle) + " is used by " + placeOf(*use) + " (" + use->subject +
+    if (!sync.device.checks.sync)
+        return true;
+    const HeldMessages held;
+    const std::lock_guard lock(sync.device.logs.submissions);
+    for (const CommandUse &use : object.uses) {
+        if (!sync.tracker.isPending(uint64_t(use.queue), use.batch))
+            continue;
+        if (const auto other = use.address != 0 ? bufferAt(sync.device, use.address) : nullptr) {
+            addUse(*other, {.queue = use.queue, .batch = use.batch}, use); // the command can do with that one
+            continue;
+        }
+        sync.device.fault(command, rule,
+                          sync.device.nameOf(object.handle) + " is used by " + placeOf(use) + " (" + use.subject +
                               "), which is not known to be complete",
-                          buffer->handle);
-}
-
-void checkFree(DeviceSync &sync, VkDeviceMemory memory)
-{
-    const auto use = sync.tracker.freeMemory(uint64_t(memory));
-    if (use && sync.device.checks.sync)
-        sync.device.fault(Place("vkFreeMemory"), "VUID-vkFreeMemory-memory-00677",
-                          "memory is used by " + placeOf(*use) + " (" + use->subject + " " +
-                              sync.device.nameOf(use->object) + "), which is not known to be complete",
-                          {VK_OBJECT_TYPE_DEVICE_MEMORY, uint64_t(memory)});
+                          object.handle);
+        return false;
+    }
+    return true;
 }
 
 } // namespace vellum::layer::sync

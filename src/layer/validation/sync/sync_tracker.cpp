@@ -138,7 +138,7 @@ void Tracker::wait(size_t index, const SemaphoreUse &use)
     addBarrier(queue, {kAllStages, kAllAccesses}, {secondScope(use.stages, 0).stages, kAllAccesses}, before);
 }
 
-void Tracker::beginBatch(QueueKey key, uint32_t family, std::span<const SemaphoreUse> waits, bool ordered)
+uint64_t Tracker::beginBatch(QueueKey key, uint32_t family, std::span<const SemaphoreUse> waits, bool ordered)
 {
     std::lock_guard lock(mutex_);
     const size_t index = indexOf(key);
@@ -147,8 +147,8 @@ void Tracker::beginBatch(QueueKey key, uint32_t family, std::span<const Semaphor
     Queue &queue = queues_[index];
     queue.family = family;
     merge(queue.before, unresolved_.empty() && ordered ? complete_ : everything());
-    ++queue.batch;
     ++queue.position;
+    return ++queue.batch;
 }
 
 void Tracker::signal(uint64_t semaphore, uint64_t value, const Clock &clock)
@@ -523,43 +523,18 @@ std::vector<Hazard> Tracker::access(QueueKey key, std::span<const Access> access
     return hazards;
 }
 
-std::optional<Access> Tracker::pendingUse(const Range &range, ObjectHandle object) const
+bool Tracker::isPending(QueueKey queue, uint64_t batch) const
 {
     std::lock_guard lock(mutex_);
-    const auto found = memory_.find(range.memory);
-    if (found == memory_.end())
-        return std::nullopt;
-    const auto pending = [&](const Seen &seen) {
-        return seen.access.object.handle == object.handle && !isComplete(seen);
-    };
-    for (auto entry = found->second.lower_bound(range.begin); entry != found->second.end() && entry->first < range.end;
-         ++entry) {
-        const Entry &at = entry->second;
-        if (at.write && pending(*at.write))
-            return at.write->access;
-        const auto read = std::ranges::find_if(at.reads, pending);
-        if (read != at.reads.end())
-            return read->access;
-    }
-    return std::nullopt;
+    const auto index = indices_.find(queue);
+    return index != indices_.end() && batch > at(complete_, index->second);
 }
 
-std::optional<Access> Tracker::freeMemory(uint64_t memory)
+void Tracker::freeMemory(uint64_t memory)
 {
     std::lock_guard lock(mutex_);
-    const auto freed = memory_.extract(memory);
-    if (!freed)
-        return std::nullopt;
-    entries_ -= std::min(entries_, freed.mapped().size());
-    for (const auto &[begin, entry] : freed.mapped()) {
-        if (entry.write && !isComplete(*entry.write))
-            return entry.write->access;
-        for (const Seen &read : entry.reads) {
-            if (!isComplete(read))
-                return read.access;
-        }
-    }
-    return std::nullopt;
+    if (const auto freed = memory_.extract(memory))
+        entries_ -= std::min(entries_, freed.mapped().size());
 }
 
 } // namespace vellum::layer::sync

@@ -94,8 +94,9 @@ class Tracker
 {
 public:
     // A batch of a submission: its waits, its commands, its signals. `ordered`: it is after the submissions of other
-    // queues that are known by now, and before all later ones. Otherwise it is treated as ordered with all.
-    void beginBatch(QueueKey queue, uint32_t family, std::span<const SemaphoreUse> waits, bool ordered = true);
+    // queues that are known by now, and before all later ones. Otherwise it is treated as ordered with all. Returns its
+    // number on the queue, from 1 on.
+    uint64_t beginBatch(QueueKey queue, uint32_t family, std::span<const SemaphoreUse> waits, bool ordered = true);
     // Accesses of one command, which are not compared with each other. At most one hazard for each access.
     std::vector<Hazard> access(QueueKey queue, std::span<const Access> accesses);
     void barriers(QueueKey queue, std::span<const Barrier> barriers);
@@ -118,10 +119,9 @@ public:
     void queueIdle(QueueKey queue);
     void allIdle();
 
-    // Returns whether a command that accesses that object may still be executed.
-    [[nodiscard]] std::optional<Access> pendingUse(const Range &range, ObjectHandle object) const;
-    // As above, for any object in the memory, which is then forgotten.
-    std::optional<Access> freeMemory(uint64_t memory);
+    // Returns whether a batch, numbered as beginBatch() returned, may still be executed.
+    [[nodiscard]] bool isPending(QueueKey queue, uint64_t batch) const;
+    void freeMemory(uint64_t memory);
 
 private:
     using Clock = std::vector<uint64_t>; // for each queue, the last of its batches that is complete

@@ -347,6 +347,71 @@ void TracedStructures::report(DeviceModel &device)
     any_ = !traced_.empty();
 }
 
+// --- Commands that may not be complete
+
+void PendingTraces::add(const DeviceModel &device, TraceUse use, bool isOrdered)
+{
+    use.contents = use.structure->contents;
+    if (use.batch != 0 && use.contents && use.contents->instances.memory)
+        traces_[{use.contents.get(), use.queue}] = {use, isOrdered, device.objects.constructions};
+}
+
+void PendingTraces::forgetComplete(const DeviceModel &device, const IsPending &isPending)
+{
+    std::erase_if(traces_, [&](const auto &entry) {
+        const Trace &trace = entry.second;
+        if (isPending(trace.use.queue, trace.use.batch))
+            return false;
+        if (trace.constructions == device.objects.constructions)
+            for (const auto &fault : trace.faults)
+                fault();
+        return true;
+    });
+}
+
+std::optional<PendingTraces::Numbers> PendingTraces::reachedBy(const DeviceModel &device, const TraceUse &use)
+{
+    const auto references = use.contents->instances.references();
+    if (!references)
+        return {};
+    Numbers reached;
+    const auto add = [&reached](const ValidatedStructure &structure) {
+        if (structure.buffer && !structure.byAddress)
+            reached.insert(structure.buffer->number);
+        return reached.insert(structure.number).second;
+    };
+    for (const VkDeviceAddress reference : *references) {
+        const auto structure = reference != 0 ? device.objects.byReference.onlyAt(reference) : nullptr;
+        if (!structure || structure->number > use.number || !add(*structure))
+            continue;
+        const auto contents = structure->contents;
+        for (size_t g = 0; contents && structure->since <= use.number && g < contents->geometries.size(); ++g) {
+            const auto micromap = contents->geometries[g].micromap.lock();
+            if (micromap && !mayBeDiscardable(device, *micromap))
+                add(*micromap);
+        }
+    }
+    return reached;
+}
+
+void PendingTraces::check(const DeviceModel &device, const Place &command, const char *rule,
+                          const ReferredObject &object, const IsPending &isPending)
+{
+    forgetComplete(device, isPending);
+    for (auto &[key, trace] : traces_) {
+        const TraceUse &use = trace.use;
+        if (!trace.reached)
+            trace.reached = reachedBy(device, use);
+        if (!trace.reached || !trace.reached->contains(object.number))
+            continue;
+        const auto fault = [&device, rule, place = command.text(), object = object.handle,
+                            text = device.nameOf(object.handle) + " is used by " + use.command +
+                                   " (by way of top-level structure " + device.nameOf(use.structure->handle) +
+                                   "), which is not known to be complete"] { device.fault(place, rule, text, object); };
+        return trace.isOrdered ? fault() : trace.faults.push_back(fault);
+    }
+}
+
 // --- Commands
 
 namespace
@@ -363,16 +428,42 @@ bool isKnown(VkPipelineBindPoint point)
            point == VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR || point == VK_PIPELINE_BIND_POINT_SUBPASS_SHADING_HUAWEI;
 }
 
+bool mayBeUnused(const StructureSet &set, uint32_t binding)
+{
+    const auto known = set.bindings.find(binding);
+    return known != set.bindings.end() && known->second.mayBeUnused;
+}
+
+// The command refers to the top-level structure, and to what is below it.
+void refer(DeviceTraces &traces, const Submission &submission, const TraceUse &use)
+{
+    ValidatedStructure &structure = *use.structure;
+    const CommandUse direct{.command = use.command, .subject = "top-level structure"};
+    addUse(structure, submission, direct);
+    if (structure.buffer) {
+        CommandUse byBuffer = direct;
+        byBuffer.address = structure.bufferAddress();
+        addUse(*structure.buffer, submission, byBuffer);
+    }
+    traces.pending.add(traces.device, use, submission.ordered);
+}
+
 // A site of the code that a submitted command runs, with the set that was bound. What structures hold is unknown where
 // the order of submissions is.
-void useSite(DeviceTraces &traces, const TracingSite &site, const StructureSet *set, bool isOrdered, TraceUse use)
+void useSite(DeviceTraces &traces, const TracingSite &site, const StructureSet *set, const Submission &submission,
+             TraceUse use)
 {
     use.number = ++traces.device.numbers;
+    use.queue = submission.queue;
+    use.batch = submission.batch;
     const auto useStructure = [&](const std::shared_ptr<ValidatedStructure> &structure) {
-        use.contents = structure && isOrdered ? structure->contents : nullptr;
+        use.contents = structure && submission.ordered ? structure->contents : nullptr;
         use.structure = structure;
-        if (structure && site.binding.element) // of several, the shader may use others
-            traces.traced.use(traces.device, use, isOrdered);
+        if (structure && site.binding.element) { // of several, the shader may use others
+            traces.traced.use(traces.device, use, submission.ordered);
+            if (!mayBeUnused(*set, site.binding.binding))
+                refer(traces, submission, use);
+        }
         if (site.mark)
             traces.marks.use(site.mark->index(), use);
     };
@@ -480,7 +571,7 @@ void runTracing(DeviceTraces &traces, VkCommandBuffer commandBuffer, VkPipelineB
             auto set = bound == bindings.sets.end() ? nullptr : bound->second;
             traces.device.logs.add(commandBuffer,
                                    [&traces, &site, command, code = code, set](const Submission &submission) {
-                                       useSite(traces, site, set.get(), submission.ordered,
+                                       useSite(traces, site, set.get(), submission,
                                                {.command = command,
                                                 .code = code->handle,
                                                 .shaderObject = code->shaderObject,

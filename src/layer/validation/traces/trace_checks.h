@@ -6,11 +6,14 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <unordered_set>
+#include <utility>
 #include <vector>
 
 #include <vulkan/vulkan.h>
@@ -70,6 +73,8 @@ struct TraceUse {
     std::shared_ptr<ValidatedStructure> structure;     // null: unknown
     std::shared_ptr<const StructureContents> contents; // at that time; null: unknown
     uint64_t number = 0;                               // DeviceModel::numbers at that time
+    VkQueue queue = VK_NULL_HANDLE;                    // and batch, as in Submission
+    uint64_t batch = 0;
 };
 
 // A geometry below a top-level structure.
@@ -147,11 +152,40 @@ private:
     std::vector<Traced> traced_; // traces whose instances are not known yet
 };
 
+// Submitted commands that trace rays and may not be complete, to find what they use below top-level structures.
+// CommandLogs::submissions is held.
+class PendingTraces
+{
+public:
+    using IsPending = std::function<bool(VkQueue queue, uint64_t batch)>;
+    // `isOrdered`: what structures hold when the command is executed is known.
+    void add(const DeviceModel &device, TraceUse use, bool isOrdered);
+    // Before an object is destroyed: reports a command that may still use it by way of a top-level structure: a
+    // bottom-level structure, a micromap, or the buffer of one. `rule`: that commands which refer to it are complete.
+    void check(const DeviceModel &device, const Place &command, const char *rule, const ReferredObject &object,
+               const IsPending &isPending);
+    void forgetComplete(const DeviceModel &device, const IsPending &isPending);
+
+private:
+    using Numbers = std::unordered_set<uint64_t>;
+    struct Trace {
+        TraceUse use;
+        bool isOrdered = true;
+        uint64_t constructions = 0;       // ValidatedObjects::constructions when it was submitted
+        std::optional<Numbers> reached{}; // numbers of objects, once someone asks
+        std::vector<std::function<void()>>
+            faults{}; // if it is not ordered, and nothing was built before it is complete
+    };
+    static std::optional<Numbers> reachedBy(const DeviceModel &device, const TraceUse &use);
+    std::map<std::pair<const StructureContents *, VkQueue>, Trace> traces_; // the last of each
+};
+
 // The check of what rays meet, a part of the check `gpu`.
 struct DeviceTraces {
     DeviceModel &device;
     TraceMarks marks{};
     TracedStructures traced{};
+    PendingTraces pending{};
     std::atomic<bool> deserializes = false;                                            // a structure was deserialized
     HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> modules{}; // modules that trace rays
     HandleMap<VkPipeline, std::shared_ptr<const TracingCode>> pipelines{};
