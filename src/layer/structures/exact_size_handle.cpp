@@ -14,8 +14,8 @@ bool reachesOver(const DeviceStructures &device, const AccelerationStructure &st
                                                 capacityOf(device.objects, structure) < structure.size);
 }
 
-VkAccelerationStructureKHR exactSizeHandle(DeviceStructures &device, AccelerationStructure &structure,
-                                           VkDeviceSize bytes)
+VkAccelerationStructureKHR exactSizeHandleOrNull(DeviceStructures &device, AccelerationStructure &structure,
+                                                 VkDeviceSize bytes)
 {
     if (structure.size <= bytes || !reachesOver(device, structure))
         return structure.handle;
@@ -32,9 +32,16 @@ VkAccelerationStructureKHR exactSizeHandle(DeviceStructures &device, Acceleratio
     structure.exactSizeHandles.reserve(structure.exactSizeHandles.size() + 1); // allocate before the driver creates one
     VkAccelerationStructureKHR exact = VK_NULL_HANDLE;
     if (device.driver.next.CreateAccelerationStructureKHR(device.driver.handle, &info, nullptr, &exact) != VK_SUCCESS)
-        return structure.handle;
+        return VK_NULL_HANDLE;
     structure.exactSizeHandles.push_back({bytes, exact});
     return exact;
+}
+
+VkAccelerationStructureKHR exactSizeHandle(DeviceStructures &device, AccelerationStructure &structure,
+                                           VkDeviceSize bytes)
+{
+    const VkAccelerationStructureKHR exact = exactSizeHandleOrNull(device, structure, bytes);
+    return exact ? exact : structure.handle;
 }
 
 VkAccelerationStructureKHR exactSizeHandle(DeviceStructures &device, AccelerationStructure &structure)

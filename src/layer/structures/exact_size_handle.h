@@ -16,7 +16,10 @@ struct DeviceStructures;
 bool reachesOver(const DeviceStructures &device, const AccelerationStructure &structure);
 
 // The handle for the driver's build of `bytes` bytes: the application's, or, if that is larger and includes other data,
-// a handle of exactly that size at the same location, which lives as long as the structure.
+// a handle of exactly that size at the same location, which lives as long as the structure. Null if the driver cannot
+// create one; the second function returns the application's then.
+VkAccelerationStructureKHR exactSizeHandleOrNull(DeviceStructures &device, AccelerationStructure &structure,
+                                                 VkDeviceSize bytes);
 VkAccelerationStructureKHR exactSizeHandle(DeviceStructures &device, AccelerationStructure &structure,
                                            VkDeviceSize bytes);
 // The handle that was built or copied to last at a structure's location, as far as the host knows: the driver reads

@@ -184,12 +184,11 @@ private:
         const bool known = !part.build.source || device_.driver.clearsWholeHandles;
         becomes(part.target(), VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR,
                 known ? std::min(bytes, part.target().size) : 0);
-        fit(part, bytes);
+        buildInto(part, exactSizeHandle(device_, part.target(), bytes));
     }
-    void fit(Part &part, VkDeviceSize bytes)
+    static void buildInto(Part &part, VkAccelerationStructureKHR exact)
     {
         VkAccelerationStructureBuildGeometryInfoKHR &info = part.build.info;
-        const VkAccelerationStructureKHR exact = exactSizeHandle(device_, part.target(), bytes);
         if (info.srcAccelerationStructure == info.dstAccelerationStructure)
             info.srcAccelerationStructure = exact;
         info.dstAccelerationStructure = exact;
@@ -213,9 +212,14 @@ private:
                    "memory for the layer's tables");
             return false;
         }
+        const VkAccelerationStructureKHR exact = exactSizeHandleOrNull(device_, target, layout.tailOffset);
+        if (!exact) {
+            reject(part, "VELLUM-out-of-memory", "the driver has no memory for a handle without the layer's instances");
+            return false;
+        }
         device_.commands.states.keep(commandBuffer_, slots->use());
         becomesTopLevel(target, count, layout.tailOffset);
-        fit(part, layout.tailOffset);
+        buildInto(part, exact);
         part.instances.slots = slots;
         part.instances.count = count;
         part.instances.tail = beginOf(device_.driver, target) + layout.tailOffset;

@@ -101,9 +101,10 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
     const auto slots = slotsFor(device.objects, target, layout.count);
     const auto state = device.commands.states.get(commandBuffer);
     const VkDeviceAddress scratch = state ? state->scratch.allocate(alignUp(layout.scratchBytes, kPartAlignment)) : 0;
-    if (!slots || !scratch)
+    const VkAccelerationStructureKHR exact = exactSizeHandleOrNull(device, target, layout.tailOffset);
+    if (!slots || !scratch || !exact)
         return rejectCommand(device.driver, command, target.handle, "VELLUM-out-of-memory",
-                             "no slots or no scratch memory for the copy");
+                             "no slots, no scratch memory or no handle of the driver for the copy");
     device.commands.states.keep(commandBuffer, slots->use());
     becomesTopLevel(target, layout.count, layout.tailOffset);
     TlasGatherPush push{};
@@ -121,7 +122,7 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
         return false;
     work.barrier(true); // the host reads the descriptor and the counters of errors
     TopLevelBuild build(kTopLevelCopyFlags, push.tail);
-    build.info.dstAccelerationStructure = exactSizeHandle(device, target, layout.tailOffset);
+    build.info.dstAccelerationStructure = exact;
     build.info.scratchData.deviceAddress = scratch;
     const VkAccelerationStructureBuildRangeInfoKHR range{layout.count, 0, 0, 0};
     const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;
