@@ -103,9 +103,9 @@ class Installation(unittest.TestCase):
 
     def build_by_pkg_config(self, example, *compiler, package="vellum", source="bake.c*", arguments=()):
         program = options.scratch / f"pkg-config-{example}"
-        flags = run("pkg-config", "--cflags", "--libs", package, environment={
+        options_of_package = run("pkg-config", "--cflags", "--libs", package, environment={
             "PKG_CONFIG_PATH": str(self.lib / "pkgconfig")})
-        words = flags.replace("\\ ", "\0").split()
+        words = options_of_package.replace("\\ ", "\0").split()
         source, = (self.examples / example).glob(source)
         run(*compiler, *WARNINGS, *flags(), source, "-o", program, *(word.replace("\0", " ") for word in words))
         return run(program, *arguments, environment={"LD_LIBRARY_PATH": str(self.lib)})
