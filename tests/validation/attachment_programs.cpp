@@ -32,37 +32,6 @@ constexpr VkIndexType kNoIndices = VK_INDEX_TYPE_NONE_KHR;
 constexpr VkIndexType kUint16 = VK_INDEX_TYPE_UINT16;
 constexpr VkIndexType kUint32 = VK_INDEX_TYPE_UINT32;
 
-// The kind of build command.
-enum class By { Host, Indirect };
-
-// A build that can be changed.
-struct Build {
-    Build(Gpu &g, const Structure &structure, By b = By::Host)
-        : gpu(g), by(b), info(structure.buildInfo()), geometry(info.pGeometries[0]), ranges(structure.ranges()),
-          memory(g, sizeof *ranges, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT)
-    {
-        info.pGeometries = &geometry;
-        info.geometryCount = 1;
-        std::memcpy(memory.bytes(), ranges, sizeof *ranges);
-    }
-    void record(VkCommandBuffer commands) const
-    {
-        const VkDeviceAddress address = memory.address();
-        const uint32_t stride = sizeof *ranges;
-        const uint32_t *most = &ranges->primitiveCount;
-        if (by == By::Host)
-            gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
-        else
-            gpu.vk().CmdBuildAccelerationStructuresIndirectKHR(commands, 1, &info, &address, &stride, &most);
-    }
-    Gpu &gpu;
-    By by;
-    VkAccelerationStructureBuildGeometryInfoKHR info;
-    VkAccelerationStructureGeometryKHR geometry;
-    const VkAccelerationStructureBuildRangeInfoKHR *ranges;
-    Buffer memory;
-};
-
 // Builds a triangle with a micromap; in the wrong build the structure that attaches it has been changed.
 template <typename Attached, auto change, By by = By::Host>
 void attach(Gpu &gpu, bool wrong)

@@ -120,25 +120,27 @@ private:
 // A build of a structure, which can be changed. Indirect builds read the ranges from a buffer.
 enum class By { Host, Indirect };
 struct Build {
-    Build(Gpu &g, const Structure &structure)
-        : gpu(g), info(structure.buildInfo()), geometry(info.pGeometries[0]), ranges(structure.ranges()),
+    Build(Gpu &g, const Structure &structure, By b = By::Host)
+        : gpu(g), by(b), info(structure.buildInfo()), geometry(info.pGeometries[0]), ranges(structure.ranges()),
           memory(g, sizeof *ranges, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT)
     {
         info.pGeometries = &geometry;
         info.geometryCount = 1;
         std::memcpy(memory.bytes(), ranges, sizeof *ranges);
     }
-    void record(VkCommandBuffer commands, By by = By::Host) const
+    void record(VkCommandBuffer commands) const { record(commands, by); }
+    void record(VkCommandBuffer commands, By command) const
     {
         const VkDeviceAddress address = memory.address();
         const uint32_t stride = sizeof *ranges;
         const uint32_t *most = &ranges->primitiveCount;
-        if (by == By::Host)
+        if (command == By::Host)
             gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
         else
             gpu.vk().CmdBuildAccelerationStructuresIndirectKHR(commands, 1, &info, &address, &stride, &most);
     }
     Gpu &gpu;
+    By by;
     VkAccelerationStructureBuildGeometryInfoKHR info;
     VkAccelerationStructureGeometryKHR geometry;
     const VkAccelerationStructureBuildRangeInfoKHR *ranges;
