@@ -82,7 +82,9 @@ class CheckEnds(unittest.TestCase):
                 self.assertTrue(parts[0]["rows"], parts[0])
                 self.assertTrue(any(part["failure"] for part in parts), parts)
                 for part in parts:
-                    self.assertIn(words if part["failure"] else "", part["failure"], part)
+                    # The driver goes on with work of the lost device, whose objects are freed, and may crash.
+                    expected = (words, "crashed") if fault == "loses-device" else (words,)
+                    self.assertTrue(not part["failure"] or any(each in part["failure"] for each in expected), part)
 
 
 if __name__ == "__main__":
