@@ -18,13 +18,14 @@ def run(*words, **variables):
 
 
 class TestGpu(unittest.TestCase):
-    def setUp(self):
+    @classmethod
+    def setUpClass(cls):
         folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
-        self.packed, self.out = self.folder / "packed", self.folder / "out"
-        made = run(ROOT / "scripts/test-gpu", "pack", self.packed, BUILD)
-        self.assertEqual(made.returncode, 0, made.stderr)
+        cls.addClassCleanup(folder.cleanup)
+        cls.packed, cls.out = pathlib.Path(folder.name) / "packed", pathlib.Path(folder.name) / "out"
+        made = run(ROOT / "scripts/test-gpu", "pack", cls.packed, BUILD)
+        if made.returncode != 0:
+            raise RuntimeError(made.stderr)
 
     def run_parts(self, *words):
         shutil.rmtree(self.out, ignore_errors=True)

@@ -94,29 +94,41 @@ protected:
                 mesh.noDuplicates = std::exchange(promise, !promise);
         built_ = build(gpu(), scene_);
     }
+
+    std::vector<vt::Result> tracedByQueries() { return vt::Tracer(gpu()).trace(*built_.scene, scene_.rays, kCapacity); }
+    std::vector<vt::PipelineResult> tracedByPipelines()
+    {
+        vt::PipelineTracer tracer(gpu(), {.groups = {kHitGroups.begin(), kHitGroups.end()},
+                                          .records = {kHitRecords.begin(), kHitRecords.end()},
+                                          .sbtStride = 1});
+        return tracer.trace(*built_.scene, scene_.rays, kCapacity);
+    }
+    auto faultOfQuery()
+    {
+        return [this](const vt::Ray &ray, const std::vector<Hit> &hits, const vt::Result &result) {
+            return queryFault(scene_, ray, hits, result);
+        };
+    }
+    auto faultOfPipeline()
+    {
+        return [this](const vt::Ray &ray, const std::vector<Hit> &hits, const vt::PipelineResult &result) {
+            return pipelineFault(scene_, ray, hits, result, toleranceFor(gpu()));
+        };
+    }
     Scene scene_;
     Built built_;
 };
 
 TEST_F(RayFaults, FindsChangedResultsOfQueries)
 {
-    expectFound<vt::Result>(scene_, vt::Tracer(gpu()).trace(*built_.scene, scene_.rays, kCapacity),
-                            [this](const vt::Ray &ray, const std::vector<Hit> &hits, const vt::Result &result) {
-                                return queryFault(scene_, ray, hits, result);
-                            });
+    expectFound<vt::Result>(scene_, tracedByQueries(), faultOfQuery());
 }
 
 TEST_F(RayFaults, FindsChangedResultsOfPipelines)
 {
     if (!gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
         GTEST_SKIP() << "no ray tracing pipelines";
-    vt::PipelineTracer tracer(gpu(), {.groups = {kHitGroups.begin(), kHitGroups.end()},
-                                      .records = {kHitRecords.begin(), kHitRecords.end()},
-                                      .sbtStride = 1});
-    expectFound<vt::PipelineResult>(scene_, tracer.trace(*built_.scene, scene_.rays, kCapacity),
-                                    [this](const vt::Ray &ray, const std::vector<Hit> &hits, const auto &result) {
-                                        return pipelineFault(scene_, ray, hits, result, toleranceFor(gpu()));
-                                    });
+    expectFound<vt::PipelineResult>(scene_, tracedByPipelines(), faultOfPipeline());
 }
 
 // The same results on a device that reports candidates in another order, or repeats them.
@@ -166,23 +178,14 @@ void expectAllowed(const Scene &scene, const std::vector<R> &results,
 
 TEST_F(RayFaults, AllowsOtherCandidatesOfQueries)
 {
-    expectAllowed<vt::Result>(scene_, vt::Tracer(gpu()).trace(*built_.scene, scene_.rays, kCapacity),
-                              [this](const vt::Ray &ray, const std::vector<Hit> &hits, const vt::Result &result) {
-                                  return queryFault(scene_, ray, hits, result);
-                              });
+    expectAllowed<vt::Result>(scene_, tracedByQueries(), faultOfQuery());
 }
 
 TEST_F(RayFaults, AllowsOtherCandidatesOfPipelines)
 {
     if (!gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
         GTEST_SKIP() << "no ray tracing pipelines";
-    vt::PipelineTracer tracer(gpu(), {.groups = {kHitGroups.begin(), kHitGroups.end()},
-                                      .records = {kHitRecords.begin(), kHitRecords.end()},
-                                      .sbtStride = 1});
-    expectAllowed<vt::PipelineResult>(scene_, tracer.trace(*built_.scene, scene_.rays, kCapacity),
-                                      [this](const vt::Ray &ray, const std::vector<Hit> &hits, const auto &result) {
-                                          return pipelineFault(scene_, ray, hits, result, toleranceFor(gpu()));
-                                      });
+    expectAllowed<vt::PipelineResult>(scene_, tracedByPipelines(), faultOfPipeline());
 }
 
 // Deviations that are tolerated where Vellum's layer emulates are faults elsewhere.

@@ -17,6 +17,12 @@ namespace vellum::layer
 struct DeviceValidation : DeviceModel {
     ~DeviceValidation();
 
+    // Returns which batches of submissions may still be executed.
+    [[nodiscard]] PendingTraces::IsPending pendingBatches() const
+    {
+        return [this](VkQueue queue, uint64_t batch) { return sync.tracker.isPending(uint64_t(queue), batch); };
+    }
+
     GpuChecks gpu{*this};
     DeviceTraces traces{*this};
     DeviceSync sync{*this};

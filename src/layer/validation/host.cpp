@@ -55,13 +55,18 @@ VkResult buildAccelerationStructures(DeviceValidation &device, VkDevice handle, 
             findReference(device, structure);
             device.logs.add(VK_NULL_HANDLE, [&](const Submission &) {
                 setContents(device, structure, unknownContents(infos[i].type));
-                for (const Structure &micromap : attached)
-                    setAttached(*micromap, false);
             });
         });
         if (structure->record)
             device.records.set(*structure->record, {});
     }
+    if (succeeded(result) && !attached.empty())
+        remember(device.objects, [&] {
+            device.logs.add(VK_NULL_HANDLE, [&](const Submission &) {
+                for (const Structure &micromap : attached)
+                    setAttached(*micromap, false);
+            });
+        });
     return result;
 }
 

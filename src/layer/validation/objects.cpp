@@ -107,9 +107,7 @@ void checkUnused(DeviceValidation &device, const char *command, const char *rule
             return;
         const HeldMessages held;
         const std::lock_guard lock(device.logs.submissions);
-        device.traces.pending.check(device, Place(command), rule, object, [&](VkQueue queue, uint64_t batch) {
-            return device.sync.tracker.isPending(uint64_t(queue), batch);
-        });
+        device.traces.pending.check(device, Place(command), rule, object, device.pendingBatches());
     });
 }
 

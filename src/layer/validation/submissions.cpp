@@ -17,8 +17,7 @@ void reportCompleted(DeviceValidation &device, bool idle)
     device.traces.traced.report(device);
     const HeldMessages held;
     const std::lock_guard lock(device.logs.submissions);
-    device.traces.pending.forgetComplete(
-        device, [&](VkQueue queue, uint64_t batch) { return device.sync.tracker.isPending(uint64_t(queue), batch); });
+    device.traces.pending.forgetComplete(device, device.pendingBatches());
 }
 
 namespace validation

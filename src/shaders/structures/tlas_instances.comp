@@ -58,7 +58,7 @@ void main()
     const uint disabled = (flags & kInstanceDisableMicromaps) != 0u ? kManyGeometries | kGeometryRecordOpaque : ~0u;
     uvec2 record = uvec2(table, recorded ? triangles & disabled : 0u);
     uvec2 records = recorded ? geometries : uvec2(flags & kHiddenFlags, 0u);
-    if (kind == kDescriptorBoxes) {
+    if (boxes) {
         record.x = kInstanceBoxes | someFlags << kInstanceBoxFlagsShift;
         records = uvec2(Words(stated).w[7], kInstanceNoRecords);
     }

@@ -249,7 +249,8 @@ TEST_F(Queries, DeviceCopies)
     }
 }
 
-// A predicate does not affect copies, so the layer's are recorded where one is inherited, too.
+// Conditional rendering does not apply to copies. The layer replaces this one by commands of its own, which must not
+// depend on the inherited condition either.
 TEST_F(Queries, CopiesWhereConditionalRenderingIsInherited)
 {
     Gpu other({.validation = false});
