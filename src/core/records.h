@@ -129,7 +129,8 @@ VELLUM_CONST uint kMicromapNameWords = 4u;
 // word 1: of instances of boxes: 0, so that a shader that looks a triangle up there follows no address
 //         of others: a copy of word 0 of the BLAS's geometry record if it has one geometry, which saves lookup a load
 //         before that of the triangle record; 0 if it has no records. Of several geometries: kManyGeometries, and a
-//         mask for their words 0. With DISABLE_OPACITY_MICROMAPS no triangle record is named.
+//         mask for their words 0. With DISABLE_OPACITY_MICROMAPS: kInstanceWithoutMicromaps, which names no triangle
+//         record
 // word 2, 3: address of the BLAS's geometry records, a multiple of 16. If it has none:
 //         of instances of boxes: which geometries are opaque, see word 7 of the descriptor; kInstanceNoRecords
 //         of others: the instance flags 4 and 5, which the driver does not get; 0
@@ -139,6 +140,7 @@ VELLUM_CONST uint kInstanceRecordWords = 4u;
 VELLUM_CONST uint kInstanceRecordLog2 = 4u; // bytes
 VELLUM_CONST uint kManyGeometries = 0x80000000u;
 VELLUM_CONST uint kManyGeometriesMask = 0x7fffffffu;
+VELLUM_CONST uint kInstanceWithoutMicromaps = kManyGeometries | kGeometryRecordOpaque;
 VELLUM_CONST uint kCustomIndexMask = 0x00ffffffu;
 VELLUM_CONST uint kInstanceFlagsShift = 2u;
 VELLUM_CONST uint kInstanceFlagsMask = 15u;

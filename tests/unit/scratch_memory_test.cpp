@@ -64,6 +64,12 @@ TEST_F(ScratchMemories, TrimmedPoolsHaveNoUnusedBlock)
     EXPECT_GE(allocated(), kCommandBuffers * 16 * kMiB);
 }
 
+// Drivers may report that a build needs no scratch memory.
+TEST_F(ScratchMemories, NoBytes)
+{
+    EXPECT_NE(buffers_.front()->allocate(0), 0u);
+}
+
 // A command buffer that may be executed on two queues at once.
 TEST_F(ScratchMemories, CommandsHaveTheirOwnMemoryUnlessTheyShareIt)
 {

@@ -30,7 +30,7 @@ VkBufferUsageFlags scratchUsage(const GpuContext &context)
 
 VkDeviceAddress ScratchMemory::allocate(VkDeviceSize bytes)
 {
-    const VkDeviceSize needed = alignUp(bytes, kScratchAlignment);
+    const VkDeviceSize needed = alignUp(std::max<VkDeviceSize>(bytes, 1), kScratchAlignment);
     const VkDeviceSize had = pieces_.empty() ? 0 : pieces_.back().bytes();
     if (had - next_ < needed) {
         // Half as large again as the last one, so that copies of growing structures need few pieces.

@@ -2,6 +2,7 @@
 #include "layer/structures/structure_layout.h"
 
 #include <algorithm>
+#include <bit>
 
 #include "core/records.h"
 
@@ -87,7 +88,10 @@ TopLevelLayout::TopLevelLayout(const Driver &driver, VkBuildAccelerationStructur
     measure(kTopLevelCopyFlags);
     if (topLevelFlags(flags) != kTopLevelCopyFlags)
         measure(flags);
-    tailOffset = alignUp(driverBytes, kPartAlignment);
+    // A driver that clears whole handles has one for each offset, which lives as long as the structure: at most 32 for
+    // each power of two.
+    const VkDeviceSize step = driver.clearsWholeHandles ? std::bit_floor(driverBytes) / 32 : 0;
+    tailOffset = alignUp(driverBytes, std::max(step, kPartAlignment));
 }
 
 uint32_t topLevelCapacity(const Driver &driver, VkDeviceSize size)

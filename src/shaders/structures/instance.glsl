@@ -25,6 +25,6 @@ uvec2 originalWords(uvec2 root, uvec2 inTail)
     else if (records.y == 0u && records.x <= kHiddenFlags)
         flags = records.x;
     else
-        flags = flagsInTable(first) | ((record.w[1] & kManyGeometriesMask) <= kGeometryRecordOpaque ? kInstanceDisableMicromaps : 0u);
+        flags = flagsInTable(first) | (record.w[1] == kInstanceWithoutMicromaps ? kInstanceDisableMicromaps : 0u);
     return uvec2(first & kCustomIndexMask | inTail.x & ~kCustomIndexMask, inTail.y | flags << kFlagsByte);
 }

@@ -55,8 +55,8 @@ void main()
     const uvec2 geometries = recorded ? pairAt(stated, 0u) : push.root;
     const uint onlyGeometry = Words(geometries).w[0];
     const uint triangles = Words(stated).w[4] == 1u ? onlyGeometry : kManyGeometries | kManyGeometriesMask;
-    const uint disabled = (flags & kInstanceDisableMicromaps) != 0u ? kManyGeometries | kGeometryRecordOpaque : ~0u;
-    uvec2 record = uvec2(table, recorded ? triangles & disabled : 0u);
+    const uint looked = (flags & kInstanceDisableMicromaps) != 0u ? kInstanceWithoutMicromaps : triangles;
+    uvec2 record = uvec2(table, recorded ? looked : 0u);
     uvec2 records = recorded ? geometries : uvec2(flags & kHiddenFlags, 0u);
     if (boxes) {
         record.x = kInstanceBoxes | someFlags << kInstanceBoxFlagsShift;

@@ -37,9 +37,16 @@ void expectBuild(void *key, const char *where, const VkAccelerationStructureBuil
     }
 }
 
-// Acceleration structures that are the driver's: others, which the layer has by itself, must not come here. With their
-// buffer, and how many buffers of that handle had been destroyed before.
-std::map<VkAccelerationStructureKHR, std::pair<VkBuffer, uint64_t>> known;
+// Acceleration structures that are the driver's: others, which the layer has by itself, must not come here.
+struct Known {
+    VkBuffer buffer;
+    uint64_t destroyed; // buffers of that handle that had been destroyed before
+    VkDeviceSize offset;
+};
+std::map<VkAccelerationStructureKHR, Known> known;
+// How many there are at each place. The layer's own handles must not accumulate.
+constexpr int kMostAtOnePlace = 1000;
+std::map<std::pair<VkBuffer, VkDeviceSize>, int> atPlace;
 std::map<VkBuffer, uint64_t> destroyedBuffers;
 std::mutex knownMutex;
 
@@ -75,8 +82,11 @@ VKAPI_ATTR VkResult VKAPI_CALL createStructure(VkDevice handle, const VkAccelera
         report("vkCreateAccelerationStructureKHR: a type that the driver does not know");
     const VkResult result = SPY_NEXT(vkCreateAccelerationStructureKHR)(handle, info, allocator, structure);
     std::lock_guard lock(knownMutex);
-    if (result == VK_SUCCESS)
-        known[*structure] = {info->buffer, destroyedBuffers[info->buffer]};
+    if (result != VK_SUCCESS)
+        return result;
+    known[*structure] = {info->buffer, destroyedBuffers[info->buffer], info->offset};
+    if (++atPlace[{info->buffer, info->offset}] > kMostAtOnePlace)
+        report("vkCreateAccelerationStructureKHR: more than 1,000 structures at one place");
     return result;
 }
 
@@ -95,7 +105,12 @@ VKAPI_ATTR void VKAPI_CALL destroyStructure(VkDevice handle, VkAccelerationStruc
     expectStructure("vkDestroyAccelerationStructureKHR", structure);
     {
         std::lock_guard lock(knownMutex);
-        known.erase(structure);
+        if (const auto one = known.find(structure); one != known.end()) {
+            const auto place = atPlace.find({one->second.buffer, one->second.offset});
+            if (--place->second == 0)
+                atPlace.erase(place);
+            known.erase(one);
+        }
     }
     SPY_NEXT(vkDestroyAccelerationStructureKHR)(handle, structure, allocator);
 }
@@ -121,7 +136,7 @@ VKAPI_ATTR VkDeviceAddress VKAPI_CALL structureAddress(VkDevice handle,
 {
     if (expectStructure("vkGetAccelerationStructureDeviceAddressKHR", info->accelerationStructure)) {
         std::lock_guard lock(knownMutex);
-        const auto [buffer, destroyed] = known[info->accelerationStructure];
+        const auto [buffer, destroyed, offset] = known[info->accelerationStructure];
         if (destroyedBuffers[buffer] != destroyed)
             report("vkGetAccelerationStructureDeviceAddressKHR: a structure whose buffer is gone");
     }

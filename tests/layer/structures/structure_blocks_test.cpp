@@ -198,6 +198,27 @@ TEST_F(StructureBlocks, AddressesOfNoMicromap)
     }
 }
 
+// An instance of such a structure, of which the device knows only that it has no micromap, is copied as it was written:
+// with another structure in the place of that one its micromap is seen.
+TEST_F(StructureBlocks, InstancesOfStructuresWithoutTheirMicromap)
+{
+    const Patchwork patchwork(gpu());
+    for (Geometry &geometry : patchwork.geometries()) {
+        if (!geometry.micromap || geometry.micromap->micromap == nullptr)
+            continue;
+        const Blas blas(gpu(), {geometry});
+        Serialized data = serialize(gpu(), blas);
+        Blocks(data).setAddress(0, 0);
+        const auto lost = deserialized(gpu(), data, kBottom);
+        Serialized top = serialize(gpu(), Tlas(gpu(), std::vector{instance(*lost, {}, 0)}));
+        top.relocate([&](uint64_t) { return blas.address(); });
+        EXPECT_EQ(
+            seen(gpu(), *deserialized(gpu(), top, VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR), Patchwork::rays()),
+            seen(gpu(), Tlas(gpu(), std::vector{instance(blas, {}, 0)}), Patchwork::rays()));
+        EXPECT_EQ(ids(), std::vector<std::string>{"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585"});
+    }
+}
+
 // The key of a deleted entry in the table of addresses (core/records.h) is not a valid address.
 TEST_F(StructureBlocks, AddressThatMarksDeletedEntries)
 {

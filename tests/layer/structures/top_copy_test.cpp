@@ -114,6 +114,18 @@ TEST_F(TopCopies, FewerInstancesThanTheCapacity)
     }
 }
 
+// A structure that is built again and again, each time of another size: the spy below the layer counts its handles.
+TEST_F(TopCopies, ManySizesOfOneStructure)
+{
+    constexpr uint32_t kMost = 3000;
+    const auto all = instances(kMost, 1);
+    Tlas source(gpu());
+    source.build(all);
+    for (uint32_t count = 1; count < kMost; ++count)
+        source.build(std::span(all).first(count));
+    EXPECT_EQ(look(source, 4), look(Tlas(gpu(), instances(kMost, 1)), 4));
+}
+
 TEST_F(TopCopies, RecordedBeforeTheBuild)
 {
     Tlas source(gpu());
