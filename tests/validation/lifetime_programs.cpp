@@ -535,6 +535,26 @@ void misalignedInstances(Gpu &gpu, bool wrong)
     recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands, by); });
 }
 
+template <By by>
+void misalignedPointer(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {indexedTriangle()});
+    const std::array instances{instance(blas, {}, 0), instance(blas, {}, 1)};
+    Tlas tlas(gpu);
+    tlas.build(instances, 0, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR, Arrangement::Pointers);
+    constexpr VkBufferUsageFlags kInput = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
+    const size_t second = sizeof instances[0] + (wrong ? 8 : 16);
+    std::vector<std::byte> bytes(second + sizeof instances[1]);
+    std::memcpy(bytes.data(), &instances[0], sizeof instances[0]);
+    std::memcpy(bytes.data() + second, &instances[1], sizeof instances[1]);
+    const Buffer data = gpu.upload(std::span<const std::byte>(bytes), kInput);
+    const std::array pointers{data.address(), data.address() + second};
+    const Buffer array = gpu.upload(std::span<const VkDeviceAddress>(pointers), kInput);
+    Build build(gpu, tlas);
+    build.geometry.geometry.instances.data.deviceAddress = array.address();
+    gpu.submit([&](VkCommandBuffer commands) { build.record(commands, by); });
+}
+
 // --- Updates of structures that were built otherwise ---
 
 enum class Other { Flags, Geometries, Primitives, Allowed, Built };
@@ -655,6 +675,9 @@ const WrongProgram kPrograms[] = {
      misalignedInstances<By::Host, Arrangement::Array>},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03716", Api::Khr, kNeedsNothing,
      misalignedInstances<By::Host, Arrangement::Pointers>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03717", Api::Khr, kNeedsNothing, misalignedPointer<By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03717", Api::Khr, kNeedsNothing,
+     misalignedPointer<By::Indirect>},
     {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03715", Api::Khr, kNeedsNothing,
      misalignedInstances<By::Indirect, Arrangement::Array>},
     {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03716", Api::Khr, kNeedsNothing,

@@ -19,7 +19,8 @@ struct Query {
     bool reset = true;
     bool neverBuilt = false;
     bool allowsCompaction = true;
-    bool execute = false; // the wrong one as well: it does no harm
+    bool destroyed = false; // the pool
+    bool execute = false;   // the wrong one as well: it does no harm
 };
 
 template <Query change, Query right = Query{}>
@@ -28,10 +29,13 @@ void query(Gpu &gpu, bool wrong)
     const Query used = wrong ? change : right;
     const Twins twins(gpu, used.allowsCompaction ? kAllow : 0);
     const MicromapHandle micromap = used.neverBuilt ? twins.other : twins.built;
-    const QueryPool pool(gpu, micromapQueryType(gpu, used.poolType), 2);
+    QueryPool pool(gpu, micromapQueryType(gpu, used.poolType), 2);
     vkResetQueryPool(gpu.device(), pool, 0, 2);
+    const VkQueryPool handle = pool;
+    if (used.destroyed)
+        pool = QueryPool();
     const auto write = [&](VkCommandBuffer commands) {
-        recordMicromapProperties(gpu, commands, std::span(&micromap, 1), micromapQueryType(gpu, used.type), pool,
+        recordMicromapProperties(gpu, commands, std::span(&micromap, 1), micromapQueryType(gpu, used.type), handle,
                                  used.first);
     };
     if (!used.reset) {
@@ -91,6 +95,7 @@ void beginIndexed(Gpu &gpu, bool wrong)
 
 constexpr Query kWrongType{.type = VK_QUERY_TYPE_OCCLUSION, .poolType = VK_QUERY_TYPE_OCCLUSION};
 constexpr Query kWrongPool{.poolType = kCompacted};
+constexpr Query kNoPool{.destroyed = true};
 constexpr Query kPastThePool{.first = 2};
 constexpr Query kAvailable{.reset = false, .execute = true};
 constexpr Query kNeverBuilt{.neverBuilt = true, .execute = true};
@@ -100,6 +105,7 @@ constexpr Query kNotAllowed{.type = kCompacted, .poolType = kCompacted, .allowsC
 const WrongProgram kPrograms[] = {
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-queryType-07503", Api::Ext, kNeedsNothing, query<kWrongType>},
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-queryPool-07525", Api::Ext, kNeedsNothing, query<kWrongPool>},
+    {"VUID-vkCmdWriteMicromapsPropertiesEXT-queryPool-parameter", Api::Ext, kNeedsNothing, query<kNoPool>},
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-query-07528", Api::Ext, kNeedsNothing, query<kPastThePool>},
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-None-12417", Api::Ext, kNeedsNothing, query<kAvailable>},
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-11662", Api::Ext, kNeedsNothing, query<kNeverBuilt>},
@@ -111,6 +117,7 @@ const WrongProgram kPrograms[] = {
 
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742", Api::Khr, kNeedsNothing, query<kWrongType>},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493", Api::Khr, kNeedsNothing, query<kWrongPool>},
+    {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-parameter", Api::Khr, kNeedsNothing, query<kNoPool>},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-query-04880", Api::Khr, kNeedsNothing, query<kPastThePool>},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02494", Api::Khr, kNeedsNothing, query<kAvailable>},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-11684", Api::Khr, kNeedsNothing,

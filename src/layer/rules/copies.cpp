@@ -212,11 +212,15 @@ Found wrongType(const Query &c)
     return when(!(c.query.khr ? isStructureQuery(c.query.type) : isMicromapQuery(c.query.type)),
                 [&] { return nameOf(c.query.type) + " is not a type that this command writes"; });
 }
+Found noPool(const Query &c)
+{
+    return when(c.pool.known && c.pool.type == VK_QUERY_TYPE_MAX_ENUM, "it is no query pool, or was destroyed");
+}
 // Pools of both types of micromaps work in the same way.
 Found wrongPool(const Query &c)
 {
     return when(
-        c.pool.known && c.pool.type != c.query.type,
+        c.pool.known && c.pool.type != c.query.type && !noPool(c),
         [&] { return "it was created with type " + nameOf(c.pool.type) + ", not " + nameOf(c.query.type); },
         !c.query.khr && isMicromapQuery(c.pool.type) ? Tolerate : Reject);
 }
@@ -236,6 +240,7 @@ Found noObjects(const Query &c)
 constexpr Rule<Query> kExtQuery[] = {
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-micromapCount-arraylength", Report, "micromapCount", noObjects},
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-queryType-07503", Reject, "queryType", wrongType},
+    {"VUID-vkCmdWriteMicromapsPropertiesEXT-queryPool-parameter", Reject, "queryPool", noPool},
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-queryPool-07525", Depends, "queryPool", wrongPool},
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-query-07528", Reject, "firstQuery", outsidePool},
 };
@@ -243,6 +248,7 @@ constexpr Rule<Query> kKhrQuery[] = {
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-accelerationStructureCount-arraylength", Report,
      "accelerationStructureCount", noObjects},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742", Reject, "queryType", wrongType},
+    {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-parameter", Reject, "queryPool", noPool},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493", Depends, "queryPool", wrongPool},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-query-04880", Reject, "firstQuery", outsidePool},
 };

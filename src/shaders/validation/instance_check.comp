@@ -61,6 +61,8 @@ void main()
     if (i >= count)
         return;
     const uvec2 address = push.pointers != 0u ? loadAddress(elementAddress(array, i, 8u)) : elementAddress(array, i, kInstanceBytes);
+    if ((address.x & 15u) != 0u)
+        reportFinding(kFindingPointer, i, address.x, address.y);
     Words instance = Words(address);
     const uint flags = instance.w[kFlagsWord] >> 24u;
     const uvec2 reference = uvec2(instance.w[kReferenceWord], instance.w[kReferenceWord + 1u]);
