@@ -341,6 +341,7 @@ VELLUM_CONST uint kDeserializedWordsAt = 2u; // in the target
 struct DeserializedWordsPush {
     VELLUM_ADDRESS source;
     VELLUM_ADDRESS target; // how often it was written, 0 before; a word of padding; the words
+    VELLUM_ADDRESS record; // of the target (findings.h): becomes that of a micromap, or states nothing
     uint count;
     uint unused;
 };

@@ -160,6 +160,23 @@ void indexAfterCopy(Gpu &gpu, bool wrong)
     attach(gpu, {&target, VK_INDEX_TYPE_UINT32, {0, 1}});
 }
 
+// A micromap of one triangle, or of two, is deserialized.
+void indexAfterDeserialization(Gpu &gpu, bool wrong)
+{
+    Micromap target(gpu, twoTriangles());
+    target.build();
+    MicromapInput one = twoTriangles();
+    one.triangles.pop_back();
+    one.declared[0].count = 1;
+    Micromap source(gpu, wrong ? std::move(one) : twoTriangles());
+    source.build();
+    const Buffer memory(gpu, 65536, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+    const VkDeviceAddress data = (memory.address() + 255) / 256 * 256;
+    gpu.submit([&](VkCommandBuffer commands) { recordMicromapToMemory(gpu, commands, source.handle(), data); });
+    gpu.submit([&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu, commands, data, target.handle()); });
+    attach(gpu, {&target, VK_INDEX_TYPE_UINT32, {0, 1}});
+}
+
 void indexAfterHostBuild(Gpu &gpu, bool wrong)
 {
     const Micromap micromap(gpu, twoTriangles());
@@ -264,6 +281,8 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11575", Api::Khr, kNeedsNothing, indexAfterRebuild,
      "Rebuilt"},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11575", Api::Khr, kNeedsNothing, indexAfterCopy, "Copied"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11575", Api::Khr, kNeedsEmulation, indexAfterDeserialization,
+     "Deserialized"},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11577", Api::Khr, kNeedsNothing, indexBuffer},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11578", Api::Khr, kNeedsNothing, notSpecial},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-geometry-11576", Api::Khr, kNeedsNothing, numbersKhr},

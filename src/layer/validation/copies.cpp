@@ -45,7 +45,8 @@ void deserialized(const RuleCheck &check, const std::shared_ptr<ValidatedStructu
 {
     if (!target)
         return;
-    copyRecord(check.device(), check.commandBuffer(), nullptr, target);
+    if (!header || !check.commandBuffer()) // otherwise the device has written it, with the header
+        copyRecord(check.device(), check.commandBuffer(), nullptr, target);
     findReference(check.device(), target);
     const auto contents = unknownContents(target->type);
     contents->header = std::move(header);

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Copies the first words of serialized data, before it is deserialized.
+// Copies the first words of serialized data, before it is deserialized, and states what the target will hold.
+#include "shared.h"
+#include "findings.h"
+#include "records.h"
 #include "push.h"
 #include "base/memory.glsl"
 
@@ -23,5 +26,17 @@ void main()
     if (gl_LocalInvocationIndex == 0u) {
         memoryBarrierBuffer();
         atomicAdd(target.w[0], 1u);
+        // Only data of the layer's own micromaps shows how many triangles they have.
+        const uint header = kSerializedMicromapHeaderWords;
+        const bool isMicromap = push.count >= header + kMicromapHeaderWords &&
+                                source.w[kSerializedLayoutUuid] == kMicromapLayoutUuid0 &&
+                                source.w[kSerializedLayoutUuid + 3u] == kMicromapLayoutVersion &&
+                                source.w[header + kMicromapHeaderMagic] == kMicromapMagic;
+        Words record = Words(push.record);
+        record.w[0] = isMicromap ? kRecordMicromap : kRecordUnknown;
+        if (isMicromap) {
+            record.w[1] = source.w[header + kMicromapHeaderFlags];
+            record.w[2] = source.w[header + kMicromapHeaderTriangles];
+        }
     }
 }

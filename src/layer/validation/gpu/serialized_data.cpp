@@ -331,7 +331,7 @@ std::shared_ptr<SerializedHeader> checkSerializedData(GpuChecks &gpu, const Rule
     DeviceModel &device = check.device();
     const VkDeviceSize readable = device.buffers.addresses.bytesFrom(data);
     const CommandState *state = device.commands.states.get(check.commandBuffer());
-    if (!device.checks.gpu || !target || !state || state->inheritsConditionalRendering || readable == UINT64_MAX ||
+    if (!device.checks.gpu || !target || !target->record || !state || state->inheritsConditionalRendering || readable == UINT64_MAX ||
         readable < kHeaderWords * 4 || data % 4 != 0)
         return nullptr;
     const auto count = static_cast<uint32_t>(std::min<VkDeviceSize>(readable / 4, kMostWords));
@@ -339,11 +339,16 @@ std::shared_ptr<SerializedHeader> checkSerializedData(GpuChecks &gpu, const Rule
         Capture::make(device.captureMemory, shared::kDeserializedWordsAt + count, shared::kDeserializedWordsAt);
     if (!capture)
         return nullptr;
-    const shared::DeserializedWordsPush push{.source = data, .target = capture->address(), .count = count, .unused = 0};
+    const shared::DeserializedWordsPush push{.source = data,
+                                             .target = capture->address(),
+                                             .record = device.records.addressOf(target->record.get()),
+                                             .count = count,
+                                             .unused = 0};
     {
         InjectedWork work(device.commands, check.commandBuffer());
         work.barrier();
-        work.dispatch(InjectedShader::DeserializedWords, push, 1, 1);
+        if (!work.dispatch(InjectedShader::DeserializedWords, push, 1, 1))
+            return nullptr;
         work.barrier(true);
     }
     auto header = std::make_shared<SerializedHeader>(std::move(capture), count);
