@@ -143,11 +143,14 @@ void Reporter::removeMessenger(VkDebugUtilsMessengerEXT handle)
 
 void Reporter::setName(uint64_t object, const std::string &name)
 {
+    if (name.empty() && !hasNames_)
+        return;
     std::lock_guard lock(mutex_);
     if (name.empty())
         names_.erase(object);
     else
         names_[object] = name;
+    hasNames_ = !names_.empty();
 }
 
 std::string Reporter::nameOf(uint64_t object)

@@ -3,6 +3,7 @@
 // `report_file` to stderr and to a file.
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <mutex>
 #include <string>
@@ -89,6 +90,7 @@ private:
     std::vector<Messenger> messengers_;
     std::vector<std::string> settingFaults_; // faults that no messenger has received
     std::unordered_map<uint64_t, std::string> names_;
+    std::atomic<bool> hasNames_ = false;             // read without the mutex
     std::unordered_map<std::string, uint32_t> sent_; // messages of each id
 };
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <atomic>
 #include <string>
+#include <utility>
 
 #include "core/records.h"
 #include "layer/base/undo.h"
@@ -127,9 +128,9 @@ void enterLocation(DeviceState &device, AccelerationStructure &structure)
     StructureLocation &location = *structure.location;
     std::lock_guard lock(location.mutex);
     // The last structure left at the same moment, and expected the location to be destroyed.
-    if (location.structures.empty() && !location.references.empty() && location.references.front().structures > 0)
+    if (!location.first && !location.references.empty() && location.references.front().structures > 0)
         forgetReference(device, location, location.references.front().address);
-    location.structures.push_back(&structure);
+    structure.nextAtLocation = std::exchange(location.first, &structure);
     if (location.descriptor.address)
         addReference(device, location, structure);
     undo.keep();
@@ -140,9 +141,13 @@ void leaveLocation(DeviceState &device, const AccelerationStructure &structure)
     {
         StructureLocation &location = *structure.location;
         std::lock_guard lock(location.mutex);
-        std::erase(location.structures, &structure);
+        AccelerationStructure **at = &location.first;
+        while (*at && *at != &structure)
+            at = &(*at)->nextAtLocation;
+        if (*at)
+            *at = structure.nextAtLocation;
         // The last structure destroys the location, with everything that leads to it.
-        if (structure.reference != 0 && !location.structures.empty())
+        if (structure.reference != 0 && location.first)
             forgetReference(device, location, structure.reference);
     }
     device.locations.release(structure.key);
@@ -154,7 +159,7 @@ StructureDescriptor descriptorOf(DeviceState &device, AccelerationStructure &str
     std::lock_guard lock(location.mutex);
     if (structure.reference == 0) {
         addReference(device, location, structure);
-        for (AccelerationStructure *other : location.structures)
+        for (AccelerationStructure *other = location.first; other; other = other->nextAtLocation)
             addReference(device, location, *other);
     }
     return location.descriptor;

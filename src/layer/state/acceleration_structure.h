@@ -34,7 +34,8 @@ struct AccelerationStructure {
     VkDeviceAddress reference =
         0;                       // the address, once it leads to the location's descriptor; guarded by location->mutex
     StructureLocations::Key key; // of the location
-    std::shared_ptr<StructureLocation> location; // never null
+    std::shared_ptr<StructureLocation> location;     // never null
+    AccelerationStructure *nextAtLocation = nullptr; // guarded by location->mutex
 
     std::mutex mutex;                // guards the members below
     VkDeviceAddress micromapKey = 0; // micromap descriptor; 0 until acquired

@@ -31,7 +31,7 @@ struct StructureLocation {
     RootTable &root;
     std::mutex mutex; // guards what is below
     // The structures that begin here and whose handles exist.
-    std::vector<AccelerationStructure *> structures;
+    AccelerationStructure *first = nullptr; // of a list by nextAtLocation
     // The addresses that were queried, by which instances may name the structures. Each is a user of the descriptor.
     // Only a GENERIC structure has to have the address of the buffer (vkGetAccelerationStructureDeviceAddressKHR), so
     // there may be several. The driver may reuse an address that no structure here has any more.

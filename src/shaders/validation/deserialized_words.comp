@@ -32,7 +32,7 @@ void main()
                                 source.w[kSerializedLayoutUuid] == kMicromapLayoutUuid0 &&
                                 source.w[kSerializedLayoutUuid + 3u] == kMicromapLayoutVersion &&
                                 source.w[header + kMicromapHeaderMagic] == kMicromapMagic;
-        Words record = Words(push.record);
+        CoherentWords record = CoherentWords(push.record);
         record.w[0] = isMicromap ? kRecordMicromap : kRecordUnknown;
         if (isMicromap) {
             record.w[1] = source.w[header + kMicromapHeaderFlags];
