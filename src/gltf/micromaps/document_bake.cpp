@@ -207,7 +207,7 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     baked.name = document_.nameOf(place);
     baked.material = material.name;
     if (material.alphaMode == AlphaMode::Blend && options_.blendCutoff)
-        baked.caution = blendCaution(*options_.blendCutoff, "baked");
+        baked.caution = blendCaution(*(result_.blendCutoff = options_.blendCutoff), "baked");
     if (!list)
         baked.corners = std::move(primitive.indices);
 }
@@ -406,6 +406,7 @@ StoredMicromaps storedOf(DocumentBake bake)
 {
     StoredMicromaps stored;
     stored.micromaps = std::move(bake.micromaps);
+    stored.blendCutoff = bake.blendCutoff;
     for (BakedPrimitive &primitive : bake.primitives)
         stored.primitives[primitive.place] = std::move(primitive.micromap);
     return stored;
