@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <tuple>
 
 #include "base/text.h"
 #include "gltf/alpha_textures.h"
 #include "gltf/micromaps/changing_alpha.h"
+#include "gltf/micromaps/known_surface.h"
 #include "gltf/primitive.h"
 
 namespace vellum
@@ -29,6 +31,7 @@ struct TrianglePlace {
 struct Layer {
     std::vector<TriangleUvs> uvs;
     std::vector<TrianglePlace> places;
+    std::vector<float> weights; // with a budget: their surface
 };
 
 struct Source {
@@ -71,6 +74,7 @@ private:
     void addTriangles(Source &source, const Primitive &primitive);
     void dropRareLayers();
     void readTexture(Source &source);
+    void weigh();
     void bakeSources(std::span<Source> sources);
     // Returns the indices that are left for the next source.
     std::span<const int32_t> takeResult(Source &source, const Micromap &micromap, std::span<const int32_t> indices);
@@ -281,6 +285,26 @@ void DocumentBaker::readTexture(Source &source)
     }
 }
 
+// By the area in the scene. Triangles without one count a little, in proportion to none of the others.
+void DocumentBaker::weigh()
+{
+    const std::map<PrimitivePlace, std::vector<double>> areas = surfaceAreas(document_);
+    if (areas.empty())
+        return; // all count alike
+    double all = 0;
+    for (const auto &[place, its] : areas)
+        all = std::accumulate(its.begin(), its.end(), all);
+    const double least = 1e-6 * all / static_cast<double>(std::max<size_t>(total_, 1));
+    for (Source &source : sources_)
+        for (auto &[alpha, layer] : source.layers)
+            for (const TrianglePlace &place : layer.places) {
+                const auto its = areas.find(result_.primitives[place.primitive].place);
+                const bool known = its != areas.end() && place.triangle < its->second.size();
+                layer.weights.push_back(
+                    static_cast<float>(std::max(least, known ? its->second[place.triangle] : 0) / all));
+            }
+}
+
 // Bakes sources whose textures were read.
 void DocumentBaker::bakeSources(std::span<Source> sources)
 {
@@ -295,6 +319,8 @@ void DocumentBaker::bakeSources(std::span<Source> sources)
             input.textures = {source.texture.get(), 1};
             input.triangles = layer.uvs;
             input.uvTerms = static_cast<double>(source.uvTerms);
+            input.weights = layer.weights;
+            input.group = static_cast<uint32_t>(&source - sources.data());
             if (source.cutoff) {
                 // The shader compares the product of both alphas with the cutoff.
                 input.cutoff =
@@ -338,8 +364,10 @@ void DocumentBaker::bakeAll()
         if (!options_.bake.budget)
             bakeSources({source, 1});
     }
-    if (options_.bake.budget)
+    if (options_.bake.budget) {
+        weigh();
         bakeSources(sources_); // the budget is shared over all of them
+    }
 }
 
 // In the order of the sources. Drops the primitives of sources whose image cannot be decoded in this build.
