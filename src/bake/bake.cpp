@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <map>
 #include <memory>
 #include <string>
 
@@ -379,6 +380,18 @@ void describe(const Distinct &triangle, uint32_t from, uint32_t to, const BakeOp
     }
 }
 
+// The bytes of the groups of which no triangle has data.
+uint64_t emptyBytes(const DistinctTriangles &distinct, std::span<const LevelChoice> choices, const BakeOptions &options)
+{
+    std::map<uint32_t, bool> haveData;
+    for (size_t i = 0; i < choices.size(); ++i) {
+        bool &hasData = haveData[distinct.triangles[i].group];
+        hasData = hasData || choices[i].data[choices[i].level] != 0;
+    }
+    const auto empty = std::count_if(haveData.begin(), haveData.end(), [](const auto &group) { return !group.second; });
+    return options.emptyGroupBytes * static_cast<uint64_t>(empty);
+}
+
 // The bytes without a budget. 2-state data is often equal where the states that it is made from are not.
 uint64_t unchangedBytes(const DistinctTriangles &distinct, std::span<const LevelChoice> choices,
                         const BakeOptions &options, unsigned threads)
@@ -398,7 +411,7 @@ uint64_t unchangedBytes(const DistinctTriangles &distinct, std::span<const Level
         stored[i].data[triangle.level] =
             packed.uniform ? 0 : dataKey(triangle, triangle.level, packed.data, triangle.format);
     });
-    return sharedBytes(stored);
+    return sharedBytes(stored) + emptyBytes(distinct, stored, options);
 }
 
 // Above the level of about texelsPerEdge, levels can be raised by that many: to an eighth of it.
@@ -427,9 +440,16 @@ void applyBudget(DistinctTriangles &distinct, const BakeOptions &options, unsign
     });
     const bool any2State = std::any_of(distinct.triangles.begin(), distinct.triangles.end(),
                                        [](const Distinct &triangle) { return triangle.format == Format::TwoState; });
-    const uint64_t bytes = any2State ? unchangedBytes(distinct, choices, options, threads) : sharedBytes(choices);
+    uint64_t empty = emptyBytes(distinct, choices, options);
+    const uint64_t bytes =
+        any2State ? unchangedBytes(distinct, choices, options, threads) : sharedBytes(choices) + empty;
     if (bytes > budget) {
-        lowerLevels(choices, budget);
+        // Groups that lose their data on the way take bytes, for which others have to be lowered.
+        for (uint64_t before = ~uint64_t{0}; before != empty;) {
+            before = empty;
+            lowerLevels(choices, budget - std::min(budget, empty));
+            empty = emptyBytes(distinct, choices, options);
+        }
     } else {
         inParallel<Scratch>(threads, choices.size(), options.cancelled, [&](size_t i, Scratch &scratch) {
             const Distinct &triangle = distinct.triangles[i];
@@ -442,7 +462,7 @@ void applyBudget(DistinctTriangles &distinct, const BakeOptions &options, unsign
             describe(triangle, triangle.level + 1, highest, options, choices[i], scratch.classifier, scratch.packed);
         });
     }
-    raiseLevels(choices, std::min(budget, options.maxDataBytes));
+    raiseLevels(choices, std::min(budget - std::min(budget, empty), options.maxDataBytes));
     for (size_t i = 0; i < choices.size(); ++i) {
         Distinct &triangle = distinct.triangles[i];
         const uint32_t classified = choices[i].level > triangle.level ? choices[i].highest : triangle.level;

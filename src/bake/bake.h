@@ -55,6 +55,8 @@ struct BakeOptions {
     // `texelsPerEdge` chose are raised where that makes the most known, by at most 3 and up to `maxLevel`. 2-state data
     // is chosen as if it were 4-state.
     std::optional<uint64_t> budget;
+    // What the budget counts for a BakeInput::group of which no triangle has data.
+    uint64_t emptyGroupBytes = 0;
     // A 4-state triangle less of which is known than this share (0..1) gets a special index for unknown instead of
     // data.
     double minKnown = 0;

@@ -201,7 +201,13 @@ TEST(DocumentBake, ABudgetGoesToTheLargestSurface)
         const DocumentBake same = bakeCard(meshes, options);
         for (size_t i = 0; i < 2; ++i)
             EXPECT_EQ(same.micromaps[i].data, whole.micromaps[i].data);
-        options.bake.budget = bytesOf(whole, large);
+        // An empty micromap has 9 bytes.
+        for (uint64_t budget = 18; budget < all; budget += all / 20) {
+            options.bake.budget = budget;
+            const DocumentBake some = bakeCard(meshes, options);
+            EXPECT_LE(bytesOf(some, 0) + bytesOf(some, 1), budget);
+        }
+        options.bake.budget = bytesOf(whole, large) + 9;
         const DocumentBake bake = bakeCard(meshes, options);
         EXPECT_GT(bytesOf(bake, large), bytesOf(whole, large) * 3 / 4);
         EXPECT_LT(bytesOf(bake, 1 - large), bytesOf(whole, 1 - large) / 4);

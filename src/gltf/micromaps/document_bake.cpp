@@ -50,6 +50,9 @@ constexpr size_t kMapsForImage = 16;
 // can share their indices.
 constexpr size_t kMostTriangles = size_t{1} << 24;
 
+// The size of a micromap without data of its own: a triangle of level 0 that nothing refers to.
+constexpr uint64_t kEmptyBytes = sizeof(MicromapTriangle) + 1;
+
 bool matches(const std::string &name, const std::vector<std::string> &patterns)
 {
     return std::any_of(patterns.begin(), patterns.end(),
@@ -334,6 +337,11 @@ void DocumentBaker::bakeSources(std::span<Source> sources)
         }
     }
     BakeOptions options = options_.bake;
+    options.emptyGroupBytes = kEmptyBytes;
+    if (options.budget)
+        for (const Source &source : sources)
+            if (source.texture && source.layers.empty())
+                *options.budget -= std::min(*options.budget, kEmptyBytes);
     if (options.progress)
         options.progress = [&](size_t done, size_t total) {
             const double share = total == 0 ? 1 : static_cast<double>(done) / static_cast<double>(total);
