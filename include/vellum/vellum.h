@@ -227,7 +227,8 @@ typedef struct VellumBakeOptions {
     uint32_t compareOp;   // a VellumCompareOp; default VELLUM_COMPARE_OP_GREATER_OR_EQUAL
     uint32_t flags;       // VellumBakeFlagBits; default 0
     // Largest size of data plus 8 bytes for each micromap triangle. Levels are lowered where that makes the least known
-    // area unknown per byte, down to special indices, which take no data. Default VELLUM_NO_BUDGET.
+    // area unknown per byte, down to special indices, which take no data; if bytes are left, automatic levels are raised
+    // where that makes the most known, by at most 3 and up to maxLevel. Default VELLUM_NO_BUDGET.
     uint64_t budget;
     // A 4-state triangle of which less than this share (0 to 1) is known gets a special index for unknown instead of
     // data. Default 0.

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <map>
 #include <memory>
 #include <string>
 
@@ -22,9 +23,6 @@ namespace vellum
 {
 namespace
 {
-
-// Bytes of a micromap triangle's record, VkMicromapTriangleEXT.
-constexpr uint32_t kRecordBytes = 8;
 
 // inParallel() of work that may be cancelled: then it throws BakeCancelled.
 template <typename State, typename Function>
@@ -147,6 +145,9 @@ void check(const BakeInput &input, const BakeOptions &options)
         throw BakeError("the alpha cutoff is not a number");
     if (!(input.valueTolerance.value_or(0) >= 0 && std::isfinite(input.valueTolerance.value_or(0))))
         throw BakeError("the tolerance of an input's values is not in its range");
+    if (!input.weights.empty() && input.weights.size() != input.triangles.size())
+        throw BakeError("there are " + std::to_string(input.weights.size()) + " weights for " +
+                        std::to_string(input.triangles.size()) + " triangles");
     if (!input.levels.empty() && input.levels.size() != input.triangles.size())
         throw BakeError("there are " + std::to_string(input.levels.size()) + " levels for " +
                         std::to_string(input.triangles.size()) + " triangles");
@@ -228,7 +229,10 @@ struct Distinct {
     uint32_t level;
     uint32_t folds; // levels that a budget takes from what is classified, `level + folds`
     Format format;
+    bool automatic; // its level
+    uint32_t group;
     uint64_t uses;
+    double weight; // of all uses
 
     [[nodiscard]] uint32_t classifiedBytes() const { return packedBytes(level + folds, Format::FourState); }
 };
@@ -236,7 +240,8 @@ struct Distinct {
 // Everything that decides the data of a triangle.
 struct Key {
     uint32_t material;
-    uint32_t request;            // level, or none, and format
+    uint32_t request; // level, or none, and format
+    uint32_t group;
     std::array<uint32_t, 6> uvs; // bits, so that NaNs are equal to themselves
     bool operator==(const Key &) const = default;
 };
@@ -279,7 +284,7 @@ private:
             const Format format = input.formats.empty() ? options.format : input.formats[i];
             constexpr uint32_t kNoLevel = 255;
             const uint32_t level = input.levels.empty() ? kNoLevel : input.levels[i];
-            Key key{which, level << 8 | static_cast<uint32_t>(format), {}};
+            Key key{which, level << 8 | static_cast<uint32_t>(format), input.group, {}};
             for (size_t k = 0; k < 3; ++k) {
                 key.uvs[2 * k] = std::bit_cast<uint32_t>(uvs[k].u);
                 key.uvs[2 * k + 1] = std::bit_cast<uint32_t>(uvs[k].v);
@@ -290,11 +295,13 @@ private:
                 slot = (slot + 1) & (slots_.size() - 1);
             if (slots_[slot] == 0) {
                 keys_.push_back(key);
-                triangles.push_back(
-                    {&material, &uvs, level == kNoLevel ? material.levelFor(uvs) : level, 0, format, 0});
+                const bool automatic = level == kNoLevel && !options.level;
+                triangles.push_back({&material, &uvs, level == kNoLevel ? material.levelFor(uvs) : level, 0, format,
+                                     automatic, input.group, 0, 0});
                 slots_[slot] = static_cast<uint32_t>(triangles.size());
             }
             ++triangles[slots_[slot] - 1].uses;
+            triangles[slots_[slot] - 1].weight += input.weights.empty() ? 1 : double{input.weights[i]};
             of.push_back(slots_[slot] - 1);
         }
     }
@@ -311,6 +318,14 @@ struct Packed {
     StateCounts counts{};
     uint64_t hash = 0;
 };
+
+// Returns whether a triangle with so many known micro-triangles gets a special index for unknown.
+bool isTooLittle(uint64_t known, uint32_t level, Format format, const BakeOptions &options)
+{
+    const uint64_t all = microTriangleCount(level);
+    return format == Format::FourState && known != all &&
+           static_cast<double>(known) < options.minKnown * static_cast<double>(all);
+}
 
 void pack(const Distinct &triangle, const BakeOptions &options, Packed &packed, Material::Scratch &scratch)
 {
@@ -329,8 +344,7 @@ void pack(const Distinct &triangle, const BakeOptions &options, Packed &packed, 
         opaque += more;
         transparent += unknown - more;
         unknownTransparent = unknownOpaque = 0;
-    } else if (unknown != 0 &&
-               static_cast<double>(transparent + opaque) < options.minKnown * microTriangleCount(triangle.level)) {
+    } else if (isTooLittle(transparent + opaque, triangle.level, triangle.format, options)) {
         const bool mostlyOpaque = 2 * (opaque + unknownOpaque) >= microTriangleCount(triangle.level);
         packed.counts = {};
         packed.counts[static_cast<size_t>(mostlyOpaque ? State::UnknownOpaque : State::UnknownTransparent)] =
@@ -341,9 +355,75 @@ void pack(const Distinct &triangle, const BakeOptions &options, Packed &packed, 
         packed.hash = hashBytes(packed.data, packedBytes(triangle.level, triangle.format), triangle.level);
 }
 
-// Levels that keep the result within the budget, by what each triangle would be at each of them.
+// A hash of all that triangles must have in common to share data; not 0.
+uint64_t dataKey(const Distinct &triangle, uint32_t level, const uint8_t *data, Format format)
+{
+    const uint64_t seed = uint64_t{triangle.group} << 32 | level << 8 | static_cast<uint32_t>(triangle.format);
+    return std::max<uint64_t>(1, hashBytes(data, packedBytes(level, format), seed));
+}
+
+// What a triangle is at the levels from `from` to `to`, by folding what it is at `to`.
+void describe(const Distinct &triangle, uint32_t from, uint32_t to, const BakeOptions &options, LevelChoice &choice,
+              Material::Scratch &classifier, std::vector<uint8_t> &packed)
+{
+    packed.assign(packedBytes(to, Format::FourState), 0);
+    triangle.material->classify(*triangle.uvs, to, packed.data(), classifier);
+    for (uint32_t level = to + 1; level-- > from;) {
+        if (level < to)
+            foldOnce(packed.data(), level + 1);
+        const StateCounts counts = countStates(packed.data(), level);
+        const uint64_t known = counts[0] + counts[1];
+        const uint64_t all = microTriangleCount(level);
+        const bool special = uniformState(counts) || isTooLittle(known, level, triangle.format, options);
+        choice.known[level] = special && known != all ? 0 : static_cast<float>(known) / static_cast<float>(all);
+        choice.data[level] = special ? 0 : dataKey(triangle, level, packed.data(), Format::FourState);
+    }
+}
+
+// The bytes of the groups of which no triangle has data.
+uint64_t emptyBytes(const DistinctTriangles &distinct, std::span<const LevelChoice> choices, const BakeOptions &options)
+{
+    std::map<uint32_t, bool> haveData;
+    for (size_t i = 0; i < choices.size(); ++i) {
+        bool &hasData = haveData[distinct.triangles[i].group];
+        hasData = hasData || choices[i].data[choices[i].level] != 0;
+    }
+    const auto empty = std::count_if(haveData.begin(), haveData.end(), [](const auto &group) { return !group.second; });
+    return options.emptyGroupBytes * static_cast<uint64_t>(empty);
+}
+
+// The bytes without a budget. 2-state data is often equal where the states that it is made from are not.
+uint64_t unchangedBytes(const DistinctTriangles &distinct, std::span<const LevelChoice> choices,
+                        const BakeOptions &options, unsigned threads)
+{
+    std::vector<LevelChoice> stored(choices.begin(), choices.end());
+    struct Scratch {
+        Material::Scratch classifier;
+        std::vector<uint8_t> packed;
+    };
+    inParallel<Scratch>(threads, stored.size(), options.cancelled, [&](size_t i, Scratch &scratch) {
+        const Distinct &triangle = distinct.triangles[i];
+        if (triangle.format != Format::TwoState)
+            return;
+        scratch.packed.resize(triangle.classifiedBytes());
+        Packed packed{scratch.packed.data(), {}, {}, 0};
+        pack(triangle, options, packed, scratch.classifier);
+        stored[i].data[triangle.level] =
+            packed.uniform ? 0 : dataKey(triangle, triangle.level, packed.data, triangle.format);
+    });
+    return sharedBytes(stored) + emptyBytes(distinct, stored, options);
+}
+
+// Above the level of about texelsPerEdge, levels can be raised by that many: to an eighth of it.
+constexpr uint32_t kMostRaised = 3;
+
+// Levels that keep the result within the budget and make the most known, by what each triangle would be at each of
+// them.
 void applyBudget(DistinctTriangles &distinct, const BakeOptions &options, unsigned threads, Progress &progress)
 {
+    // The most bytes that separateSpecialIndices() adds.
+    const uint64_t more = options.disallowMixedSpecialIndices ? 4 * (kRecordBytes + 1) : 0;
+    const uint64_t budget = *options.budget - std::min(*options.budget, more);
     std::vector<LevelChoice> choices(distinct.triangles.size());
     struct Scratch {
         Material::Scratch classifier;
@@ -352,26 +432,41 @@ void applyBudget(DistinctTriangles &distinct, const BakeOptions &options, unsign
     inParallel<Scratch>(threads, choices.size(), options.cancelled, [&](size_t i, Scratch &scratch) {
         const Distinct &triangle = distinct.triangles[i];
         LevelChoice &choice = choices[i];
-        choice.uses = triangle.uses;
-        choice.level = triangle.level;
-        scratch.packed.assign(packedBytes(triangle.level, Format::FourState), 0);
-        triangle.material->classify(*triangle.uvs, triangle.level, scratch.packed.data(), scratch.classifier);
-        for (uint32_t level = triangle.level + 1; level-- > 0;) {
-            if (level < triangle.level)
-                foldOnce(scratch.packed.data(), level + 1);
-            const StateCounts counts = countStates(scratch.packed.data(), level);
-            const auto known = static_cast<float>(counts[0] + counts[1]);
-            choice.known[level] = known / static_cast<float>(microTriangleCount(level));
-            choice.bytes[level] = uniformState(counts) ? 0 : packedBytes(level, triangle.format) + kRecordBytes;
-        }
+        choice.weight = triangle.weight;
+        choice.level = choice.highest = triangle.level;
+        choice.format = triangle.format;
+        describe(triangle, 0, triangle.level, options, choice, scratch.classifier, scratch.packed);
         progress.done(triangle.uses);
     });
-    // The most bytes that separateSpecialIndices() adds.
-    const uint64_t more = options.disallowMixedSpecialIndices ? 4 * (kRecordBytes + 1) : 0;
-    fitBudget(choices, *options.budget - std::min(*options.budget, more));
+    const bool any2State = std::any_of(distinct.triangles.begin(), distinct.triangles.end(),
+                                       [](const Distinct &triangle) { return triangle.format == Format::TwoState; });
+    uint64_t empty = emptyBytes(distinct, choices, options);
+    const uint64_t bytes =
+        any2State ? unchangedBytes(distinct, choices, options, threads) : sharedBytes(choices) + empty;
+    if (bytes > budget) {
+        // Groups that lose their data on the way take bytes, for which others have to be lowered.
+        for (uint64_t before = ~uint64_t{0}; before != empty;) {
+            before = empty;
+            lowerLevels(choices, budget - std::min(budget, empty));
+            empty = emptyBytes(distinct, choices, options);
+        }
+    } else {
+        inParallel<Scratch>(threads, choices.size(), options.cancelled, [&](size_t i, Scratch &scratch) {
+            const Distinct &triangle = distinct.triangles[i];
+            uint32_t highest = triangle.automatic ? std::min(triangle.level + kMostRaised, options.maxLevel) : 0;
+            while (highest > triangle.level && packedBytes(highest, triangle.format) > budget - bytes)
+                --highest;
+            if (highest <= triangle.level || choices[i].known[triangle.level] >= 1)
+                return;
+            choices[i].highest = highest;
+            describe(triangle, triangle.level + 1, highest, options, choices[i], scratch.classifier, scratch.packed);
+        });
+    }
+    raiseLevels(choices, std::min(budget - std::min(budget, empty), options.maxDataBytes));
     for (size_t i = 0; i < choices.size(); ++i) {
         Distinct &triangle = distinct.triangles[i];
-        triangle.folds = triangle.level - choices[i].level;
+        const uint32_t classified = choices[i].level > triangle.level ? choices[i].highest : triangle.level;
+        triangle.folds = classified - choices[i].level;
         triangle.level = choices[i].level;
     }
 }

@@ -50,9 +50,13 @@ struct BakeOptions {
     std::optional<uint32_t> level;
     uint32_t maxLevel = 8;
     double texelsPerEdge = 4.0;
-    // Most bytes of the result: data, and 8 for each micromap triangle. Levels are lowered where that turns the least
-    // from known to unknown, down to special indices, which are free. 2-state data is chosen as if it were 4-state.
+    // Most bytes of the result: data, and 8 for each micromap triangle. If it has more, levels are lowered where that
+    // turns the least from known to unknown, down to special indices, which are free. If it has less, those that
+    // `texelsPerEdge` chose are raised where that makes the most known, by at most 3 and up to `maxLevel`. 2-state data
+    // is chosen as if it were 4-state.
     std::optional<uint64_t> budget;
+    // What the budget counts for a BakeInput::group of which no triangle has data.
+    uint64_t emptyGroupBytes = 0;
     // A 4-state triangle less of which is known than this share (0..1) gets a special index for unknown instead of
     // data.
     double minKnown = 0;
@@ -117,6 +121,11 @@ struct BakeInput {
     // The largest value in the single-precision computation of the coordinates: interpolationTolerance is relative to
     // this, where it is more than the largest coordinate of a triangle. Finite, and not below 0.
     double uvTerms = 0;
+    // How much each triangle counts where a budget chooses what is known, 0 or more; if empty, all count alike.
+    std::span<const float> weights{};
+    // For the budget, triangles share data only with those of inputs with the same number: those whose micromaps are
+    // separated from the result.
+    uint32_t group = 0;
 };
 
 struct BakeStatistics {

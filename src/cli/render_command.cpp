@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <fmt/format.h>
+#include <map>
 #include <numeric>
 
 #include "base/error.h"
@@ -83,7 +84,8 @@ void printMicromaps(const RenderOptions &options, const Scene &scene, const rend
     const std::string states = fmt::format("{} transparent, {} opaque, {} unknown, of micro-triangles",
                                            percent(shares[0]), percent(shares[1]), percent(shares[2] + shares[3]));
     if (baked.extension.empty())
-        fmt::print("baked       level {}, {} distinct triangles: {}\n",
+        fmt::print("baked       {}level {}, {} distinct triangles: {}\n",
+                   options.input && !options.bakeAnew ? "for this picture, as the file has no micromaps: " : "",
                    options.bake.level ? std::to_string(*options.bake.level) : "auto", baked.distinctTriangles(),
                    states);
     else
@@ -96,15 +98,35 @@ void printMicromaps(const RenderOptions &options, const Scene &scene, const rend
 }
 
 // Masked geometries without a micromap: the shader samples their texture.
-void printTestedOnly(const render::RenderScene &scene, const render::BakedScene &baked)
+void printTestedOnly(const RenderOptions &options, const render::RenderScene &scene, const render::BakedScene &baked)
 {
-    size_t without = 0;
-    for (size_t i = 0; i < baked.results.size(); ++i)
-        without += scene.scene.materials[scene.scene.geometries[i].material].masked() && !baked.results[i] ? 1u : 0u;
-    if (without != 0)
+    size_t masked = 0;
+    size_t blended = 0;
+    for (size_t i = 0; i < baked.results.size(); ++i) {
+        const Material &material = scene.scene.materials[scene.scene.geometries[i].material];
+        if (material.masked() && !baked.results[i])
+            ++(material.alphaMode == AlphaMode::Blend && !(baked.extension.empty() && options.blend) ? blended
+                                                                                                     : masked);
+    }
+    if (masked != 0)
         fmt::print("alpha test  alone for {} without micromaps{}\n",
-                   counted(without, "masked geometry", "masked geometries"),
+                   counted(masked, "masked geometry", "masked geometries"),
                    baked.extension.empty() ? ", whose vertices have alphas" : "; --bake makes some");
+    if (blended != 0)
+        fmt::print("alpha test  alone for {} with alphaMode BLEND; --blend bakes {}\n",
+                   counted(blended, "geometry", "geometries"), blended == 1 ? "it" : "them");
+}
+
+// What is drawn of alphaMode BLEND.
+void printBlend(const Scene &scene)
+{
+    std::map<float, size_t> geometries; // by cutoff
+    for (const Geometry &geometry : scene.geometries)
+        if (const Material &material = scene.materials[geometry.material]; material.alphaMode == AlphaMode::Blend)
+            ++geometries[material.alphaCutoff];
+    for (const auto &[cutoff, count] : geometries)
+        fmt::print("blending    none: {} with alphaMode BLEND {} masked with the cutoff {:.9g}\n",
+                   counted(count, "geometry", "geometries"), count == 1 ? "is" : "are", cutoff);
 }
 
 render::BakedScene bakeWithProgress(const RenderOptions &options, const Scene &scene)
@@ -112,7 +134,10 @@ render::BakedScene bakeWithProgress(const RenderOptions &options, const Scene &s
     ProgressLine progress("baking");
     BakeOptions bake = options.bake;
     bake.progress = [&](size_t done, size_t total) { progress.update(done, total); };
-    return render::bakeScene(scene, bake);
+    const render::BlendRule blend = !options.blend        ? render::BlendRule::Skip
+                                    : options.blendCutoff ? render::BlendRule::Mask
+                                                          : render::BlendRule::Exact;
+    return render::bakeScene(scene, bake, blend);
 }
 
 void writePicture(const std::filesystem::path &path, const Picture &picture, std::optional<DataOutput> &data)
@@ -229,7 +254,7 @@ void printComparison(const RenderOptions &options, Contest &contest, const Paire
 }
 
 void writeComparison(const RenderOptions &options, const gpu::DeviceInfo &device, Contest &contest,
-                     const PairedTiming &timing, const Difference &difference, DataOutput &data)
+                     const PairedTiming &timing, const Difference &difference, bool made, DataOutput &data)
 {
     const Quartiles ratio = timing.ratio();
     JsonWriter json;
@@ -246,7 +271,9 @@ void writeComparison(const RenderOptions &options, const gpu::DeviceInfo &device
     json.member("high", ratio.high).member("pairs", timing.pairs()).end();
     json.key("candidatesPerRay").beginObject().member("alpha", contest.alpha.count().perRay());
     json.member("omm", contest.omm.count().perRay()).end();
-    json.member("bytes", contest.omm.micromapBytes()).member("differingPixels", difference.pixels);
+    json.member("baked", made)
+        .member("bytes", contest.omm.micromapBytes())
+        .member("differingPixels", difference.pixels);
     data.write(json.end().text() + "\n");
     data.finish();
 }
@@ -273,7 +300,7 @@ int renderBoth(const RenderOptions &options, const gpu::DeviceInfo &info, const 
         writePicture(paths[2], difference.amplified, data);
     const PairedTiming timing = timeFrames(options, *contest);
     if (options.json)
-        writeComparison(options, info, *contest, timing, difference, *data);
+        writeComparison(options, info, *contest, timing, difference, baked.extension.empty(), *data);
     else
         printComparison(options, *contest, timing, difference.pixels);
     return 0;
@@ -345,7 +372,12 @@ Loaded load(const RenderOptions &options)
         return {render::makeGrove(), {}};
     const Document document = openDocument(*options.input);
     const bool wanted = options.mode != Mode::Alpha && !options.bakeAnew;
-    return {readScene(document), wanted ? readMicromaps(document) : StoredMicromaps{}};
+    Loaded loaded{readScene(document), wanted ? readMicromaps(document) : StoredMicromaps{}};
+    if (const auto cutoff = options.blendCutoff ? options.blendCutoff : loaded.stored.blendCutoff)
+        for (Material &material : loaded.scene.materials)
+            if (material.alphaMode == AlphaMode::Blend)
+                material.alphaCutoff = *cutoff;
+    return loaded;
 }
 
 render::Trace traceOf(const RenderOptions &options, const gpu::DeviceInfo &device)
@@ -394,6 +426,7 @@ int renderCommand(RenderOptions options)
         gpu::requireMicromaps(info, options.api, instance.hasLayers());
     options.settings.trace = traceOf(options, info);
     printScene(options, info, scene);
+    printBlend(scene.scene);
     if (options.mode == Mode::Alpha) {
         gpu::Device device(info, apiOf(options, false));
         return renderOne(options, device, scene, {}, data);
@@ -401,7 +434,7 @@ int renderCommand(RenderOptions options)
     const render::BakedScene baked =
         stored.extension.empty() ? bakeWithProgress(options, scene.scene) : render::storedScene(scene.scene, stored);
     printMicromaps(options, scene.scene, baked);
-    printTestedOnly(scene, baked);
+    printTestedOnly(options, scene, baked);
     if (options.mode == Mode::Compare)
         return renderBoth(options, info, scene, baked, data);
     if (options.mode == Mode::States)

@@ -24,6 +24,8 @@ struct RenderOptions {
     render::RenderSettings settings;
     std::optional<render::Trace> trace; // instead of the first that the device has
     BakeOptions bake;
+    bool blend = false;               // bakes alphaMode BLEND as well
+    std::optional<float> blendCutoff; // as a mask
     uint32_t instances = 1;
     std::optional<uint32_t> frames; // to time, or pairs of them; without, as many as it takes
     bool bakeAnew = false;          // even if the file has micromaps

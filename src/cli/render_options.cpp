@@ -22,6 +22,9 @@ VK_LAYER_VELLUM_opacity_micromap, which is enabled by default, provides it. The 
 whose implementation of it was used. The device needs Vulkan 1.3 with ray queries, and ray tracing pipelines for --trace
 pipeline; Mesa's lavapipe is one that runs on any processor.
 
+A file without micromaps is baked for the picture, which the report states; with --json, it is the member baked. Materials
+of alphaMode BLEND are not blended: alpha is tested with the cutoff 0.5, or the one that they were baked with.
+
 Without OUT, NAME.png (with --mode heat NAME.svg) is written beside the input, and vellum.png in the current folder for the
 built-in scene. An existing file is replaced only if vellum wrote it, or with --force.
 
@@ -149,6 +152,16 @@ void declareQuality(CLI::App &command, RenderOptions &options, RawOptions &raw)
     raw.bakes.push_back(command.add_option("--states", raw.states,
                                            "4: four states, exact. 2: two states, an approximation; bakes them [4]"));
     takesWords(*raw.bakes.back(), {"2", "4"});
+    CLI::Option &blend = *command.add_flag("--blend", options.blend,
+                                           "Bake alphaMode BLEND as well, as vellum bake does; the picture tests it "
+                                           "like a mask in any case; bakes them");
+    raw.bakes.push_back(&blend);
+    command
+        .add_option("--blend-cutoff", options.blendCutoff,
+                    "With --blend: bake and test it with this cutoff [0.5 to test]")
+        ->needs(&blend)
+        ->check(finite())
+        ->type_name("ALPHA");
 }
 
 void declareDevice(CLI::App &command, RenderOptions &options, RawOptions &raw)

@@ -41,6 +41,7 @@ struct VerifyOptions {
     verify::FileOptions file;
     bool exact = false;
     bool strict = false;
+    bool requireMicromaps = false;
     bool json = false;
     bool verbose = false;
     bool quiet = false;
@@ -57,13 +58,16 @@ void declareVerify(CLI::App &command, VerifyOptions &options)
         ->type_name("FILE...")
         ->required();
     command
-        .add_option(
-            "--blend-cutoff", options.file.blendCutoff,
-            "The cutoff of materials of alphaMode BLEND [none: opaque where alpha is 1, transparent where it is 0]")
+        .add_option("--blend-cutoff", options.file.blendCutoff,
+                    "The cutoff of materials of alphaMode BLEND [that of vellum bake, which it notes in the file; else "
+                    "none: opaque "
+                    "where alpha is 1, transparent where it is 0]")
         ->check(finite())
         ->type_name("ALPHA");
     command.option_defaults()->group(kOutput);
     command.add_flag("--strict", options.strict, "Exit with 5, 6 or 7 for what could be better");
+    command.add_flag("--require-micromaps", options.requireMicromaps,
+                     "Exit with 7 if a file has no micromaps, for example as a tool dropped them");
     command.add_flag(
         "--strict-2-state", options.file.strictTwoState,
         "Check 2-state data like 4-state data: claims that do not hold all over the micro-triangle are wrong");
@@ -87,7 +91,8 @@ void declareVerify(CLI::App &command, VerifyOptions &options)
 
 VerifiedFile verifyFile(const std::filesystem::path &path, const VerifyOptions &options)
 {
-    VerifiedFile file{utf8Text(path), {}, {}, {}};
+    VerifiedFile file;
+    file.path = utf8Text(path);
     ProgressLine progress("verifying " + file.path);
     verify::FileOptions fileOptions = options.file;
     fileOptions.progress = [&](size_t done, size_t total) { progress.update(done, total); };
@@ -115,7 +120,8 @@ int verifyCommand(VerifyOptions &options)
     auto code = ExitCode::Success;
     for (const std::filesystem::path &path : gltfFiles(options.files)) {
         VerifiedFile file = verifyFile(path, options);
-        code = worse(code, exitCodeOf(file, options.strict));
+        file.code = exitCodeOf(file, options.strict, options.requireMicromaps);
+        code = worse(code, file.code);
         if (!file.error.empty())
             fmt::print(stderr, "vellum: {}\n", file.error);
         if (options.json) {
@@ -126,7 +132,7 @@ int verifyCommand(VerifyOptions &options)
         }
     }
     if (options.json)
-        fmt::print("{}\n", verifiedJson(files, options.strict));
+        fmt::print("{}\n", verifiedJson(files));
     return static_cast<int>(code);
 }
 

@@ -100,7 +100,7 @@ size_t BakedScene::count() const
     return count;
 }
 
-BakedScene bakeScene(const Scene &scene, BakeOptions options)
+BakedScene bakeScene(const Scene &scene, BakeOptions options, BlendRule blend)
 {
     std::map<uint32_t, std::vector<size_t>> ofMaterial;
     for (size_t i = 0; i < scene.geometries.size(); ++i)
@@ -110,9 +110,15 @@ BakedScene bakeScene(const Scene &scene, BakeOptions options)
     baked.results.resize(scene.geometries.size());
     for (const auto &[material, geometries] : ofMaterial) {
         const Material &m = scene.materials[material];
+        if (m.alphaMode == AlphaMode::Blend && blend == BlendRule::Skip)
+            continue;
         options.cutoff = static_cast<double>(m.alphaCutoff);
         std::vector<TriangleUvs> triangles;
         BakeInput input;
+        if (m.alphaMode == AlphaMode::Blend && blend == BlendRule::Exact) {
+            input.cutoff = kBlendCutoff;
+            input.valueTolerance = kBlendBand;
+        }
         for (const size_t i : geometries) {
             const Geometry &g = scene.geometries[i];
             input.uvTerms = std::max(input.uvTerms, static_cast<double>(g.uvTerms));

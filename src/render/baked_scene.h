@@ -15,7 +15,7 @@ namespace vellum::render
 
 struct BakedScene {
     // By geometry. Nothing if it is solid, if the file has none for it, and for baked ones if its vertices have alphas,
-    // which the baker does not support.
+    // which the baker does not support, or by BlendRule::Skip.
     std::vector<std::optional<BakeResult>> results;
     std::string extension; // of the file that they are from; empty if they were baked
 
@@ -28,9 +28,16 @@ struct BakedScene {
     [[nodiscard]] size_t count() const;
 };
 
+// What is baked for alphaMode BLEND.
+enum class BlendRule : uint8_t {
+    Skip,
+    Exact, // opaque only where alpha is 1, transparent only where it is 0
+    Mask,  // by the cutoff of the material
+};
+
 // Bakes every masked geometry of a scene against its material's texture: one bake for each material, after which each
 // geometry has a micromap of its own. `options.cutoff` is taken from the material. Throws BakeError.
-BakedScene bakeScene(const Scene &scene, BakeOptions options);
+BakedScene bakeScene(const Scene &scene, BakeOptions options, BlendRule blend = BlendRule::Skip);
 
 // The micromaps that the scene's file has for its masked geometries; those of solid ones are ignored. Primitives may
 // share a micromap in the file, but each gets its own copy, here and on the device: throws GltfError if the copies

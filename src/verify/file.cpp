@@ -58,6 +58,7 @@ private:
 
     const Document &document_;
     const FileOptions &options_;
+    std::optional<double> blendCutoff_;
     ChangingAlpha changing_;
     AlphaTextures textures_;
     std::shared_ptr<const AlphaTexture> texture_;
@@ -107,8 +108,8 @@ std::string FileVerifier::cautionFor(PrimitivePlace place, const Primitive &prim
         add("a morph target changes its texture coordinates or alpha");
     if (const auto reason = changing_.reason(place))
         add(*reason);
-    if (material.alphaMode == AlphaMode::Blend && options_.blendCutoff)
-        add(blendCaution(*options_.blendCutoff, "verified"));
+    if (material.alphaMode == AlphaMode::Blend && blendCutoff_)
+        add(blendCaution(*blendCutoff_, "verified"));
     if (primitive.twofold)
         add("its uncompressed data has other triangles than its compressed data");
     if (material.masked() && !material.unreadImage.empty())
@@ -153,7 +154,7 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
     Options options = options_;
     // Without an alpha test everything is opaque.
     const std::optional<double> cutoff = material.alphaMode == AlphaMode::Mask    ? double{material.alphaCutoff}
-                                         : material.alphaMode == AlphaMode::Blend ? options_.blendCutoff
+                                         : material.alphaMode == AlphaMode::Blend ? blendCutoff_
                                                                                   : 0.5;
     options.cutoff = cutoff.value_or(kBlendCutoff);
     options.band = cutoff ? 0 : kBlendBand;
@@ -259,6 +260,9 @@ FileReport FileVerifier::operator()()
     if (!report_.findings.empty())
         return std::move(report_);
     report_.stored = std::move(checked.stored);
+    blendCutoff_ = options_.blendCutoff;
+    if (!blendCutoff_ && report_.stored.blendCutoff)
+        blendCutoff_ = double{*report_.stored.blendCutoff};
     describe();
     collectAlphas();
     std::map<int, std::vector<PrimitivePlace>> places;

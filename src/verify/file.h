@@ -15,8 +15,8 @@ namespace vellum::verify
 {
 
 struct FileOptions : Options {
-    // The cutoff for alphaMode BLEND. Without one, opaque means an alpha of 1, and transparent one of 0. Masks have the
-    // cutoff of their material.
+    // The cutoff for alphaMode BLEND, instead of StoredMicromaps::blendCutoff. Without one, opaque means an alpha of 1,
+    // and transparent one of 0. Masks have the cutoff of their material.
     std::optional<double> blendCutoff;
     // The most work for a file, in addition to workForByte: a small file that shares data between many triangles could
     // take hours. About a minute; the rest is not verified.

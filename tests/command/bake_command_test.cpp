@@ -553,9 +553,9 @@ TEST(BakeCommand, InterruptedBakeReportsFinishedInputs)
     writeFile(folder / "in/small.glb", cardGlb({{"\"alphaMode\": \"MASK\"", "\"alphaMode\": \"OPAQUE\""}}));
     // The larger file comes first, and does not end; the other is done meanwhile.
     writeFile(folder / "in/large.glb", slowGlb());
-    const Outcome outcome = interruptVellum(
-        {"bake", (folder / "in").string(), "-o", (folder / "out").string(), "--level", "12", "-j", "2", "--json"},
-        SIGINT, folder / "out/small.glb");
+    const Outcome outcome = interruptVellum({"bake", (folder / "in").string(), "-o", (folder / "out").string(),
+                                             "--level", "12", "-j", "2", "--json", "--copy"},
+                                            SIGINT, folder / "out/small.glb");
     EXPECT_EQ(outcome.signal, SIGINT);
     EXPECT_EQ(entries(folder / "out"), (std::vector<std::string>{"small.glb"}));
     EXPECT_NE(outcome.errors.find("interrupted: 1 of 2 files were baked\n"), std::string::npos) << outcome.errors;
@@ -632,11 +632,11 @@ TEST(BakeCommand, ReplacesOnlyItsOwnOutputs)
     EXPECT_EQ(bakedPrimitives(folder / "other.glb"), 1u);
     // Now it is an output, which another bake replaces.
     EXPECT_EQ(runVellum({"bake", bake[1], bake[2], "--level", "2"}).exitCode, 0);
-    // An unchanged copy of the input is an output, too.
+    // So is a copy of the input in which nothing is baked.
     const Bytes plain = cardGlb({{"\"alphaMode\": \"MASK\"", "\"alphaMode\": \"OPAQUE\""}});
     writeFile(folder / "plain.glb", plain);
     for (int i = 0; i < 2; ++i)
-        EXPECT_EQ(runVellum({"bake", (folder / "plain.glb").string()}).exitCode, 0);
+        EXPECT_EQ(runVellum({"bake", (folder / "plain.glb").string(), "--copy"}).exitCode, 0);
     EXPECT_EQ(readFile(folder / "plain.omm.glb"), plain);
 }
 
@@ -669,12 +669,74 @@ TEST(BakeCommand, RequiresMicromapsOnRequest)
 {
     const TemporaryFolder folder;
     writeFile(folder / "tree.glb", cardGlb({{"\"alphaMode\": \"MASK\"", "\"alphaMode\": \"BLEND\""}}));
+    writeFile(folder / "oak.glb", cardGlb());
     const std::string tree = (folder / "tree.glb").string();
-    EXPECT_EQ(runVellum({"bake", tree}).exitCode, 0);
-    const Outcome none = runVellum({"bake", tree, "--require-micromaps"});
-    EXPECT_EQ(none.exitCode, 7);
-    EXPECT_EQ(none.errorLines(), 1) << none.errors;
-    EXPECT_EQ(runVellum({"bake", tree, "--require-micromaps", "--blend", "--force"}).exitCode, 0);
+    const std::string skipped = "1 alpha-tested primitive skipped (alphaMode BLEND: 1 primitive of 1 material; --blend";
+    for (const char *copy : {"-q", "--copy", "--dry-run", "--json"}) {
+        const Outcome none = runVellum({"bake", tree, "--require-micromaps", copy});
+        EXPECT_EQ(none.exitCode, 7);
+        EXPECT_EQ(none.errorLines(), 1) << none.errors;
+        EXPECT_NE(none.errors.find(skipped), std::string::npos) << none.errors;
+    }
+    const Outcome filter = runVellum({"bake", "-", "--require-micromaps"}, {}, tree);
+    EXPECT_EQ(filter.exitCode, 7);
+    EXPECT_EQ(filter.output, "");
+    EXPECT_EQ(entries(folder.path()), (std::vector<std::string>{"oak.glb", "tree.glb"}));
+    // The other files are baked, as where one cannot be read.
+    EXPECT_EQ(
+        runVellum({"bake", folder.path().string(), "-o", (folder / "out").string(), "--require-micromaps"}).exitCode,
+        7);
+    EXPECT_EQ(entries(folder / "out"), (std::vector<std::string>{"oak.glb"}));
+    EXPECT_EQ(runVellum({"bake", tree, "--require-micromaps", "--blend"}).exitCode, 0);
+    // Micromaps stay where there would be none after it.
+    const std::string baked = (folder / "tree.omm.glb").string();
+    EXPECT_EQ(runVellum({"bake", baked, (folder / "none.glb").string(), "--require-micromaps"}).exitCode, 7);
+    EXPECT_FALSE(fs::exists(folder / "none.glb"));
+}
+
+TEST(BakeCommand, WritesNoFileThatEqualsItsInput)
+{
+    const TemporaryFolder folder;
+    const Bytes blended = cardGlb({{"\"alphaMode\": \"MASK\"", "\"alphaMode\": \"BLEND\""}});
+    fs::create_directories(folder / "in");
+    writeFile(folder / "in/tree.glb", blended);
+    writeFile(folder / "in/oak.glb", cardGlb());
+    writeFile(folder / "in/rock.glb", cardGlb({{"\"alphaMode\": \"MASK\"", "\"alphaMode\": \"OPAQUE\""}}));
+    const std::string in = (folder / "in").string();
+    const std::string out = (folder / "out").string();
+    const std::string tree = (folder / "in/tree.glb").string();
+    const Outcome one = runVellum({"bake", tree});
+    EXPECT_EQ(one.exitCode, 0) << one.errors;
+    const std::string line = tree +
+                             ": nothing to bake, not written; 1 alpha-tested primitive skipped (alphaMode BLEND: 1 "
+                             "primitive of 1 material; --blend bakes it)";
+    EXPECT_EQ(one.output.substr(0, line.size()), line);
+    EXPECT_NE(one.output.find("1 output was not written"), std::string::npos) << one.output;
+    EXPECT_EQ(entries(folder.path()), (std::vector<std::string>{"in", "in/oak.glb", "in/rock.glb", "in/tree.glb"}));
+
+    const Outcome all = runVellum({"bake", in, "-o", out, "--report"});
+    EXPECT_EQ(all.exitCode, 0) << all.errors;
+    EXPECT_NE(all.output.find("2 outputs were not written"), std::string::npos) << all.output;
+    EXPECT_EQ(entries(out), (std::vector<std::string>{"oak.glb"}));
+    const Outcome json = runVellum({"bake", in, "-o", out, "--json"});
+    EXPECT_NE(json.output.find("\"written\": true"), std::string::npos) << json.output;
+    EXPECT_NE(json.output.find("\"written\": false"), std::string::npos) << json.output;
+    EXPECT_NE(json.output.find("\"outputBytes\": 0"), std::string::npos) << json.output;
+
+    // A build system gets every output, and a filter passes its input on.
+    EXPECT_EQ(runVellum({"bake", in, "-o", out, "--copy"}).exitCode, 0);
+    EXPECT_EQ(readFile(folder / "out/tree.glb"), blended);
+    EXPECT_EQ(readFile(folder / "out/rock.glb"), readFile(folder / "in/rock.glb"));
+    const Outcome filter = runVellum({"bake", "-"}, {}, folder / "in/tree.glb");
+    EXPECT_EQ(Bytes(filter.output.begin(), filter.output.end()), blended);
+    EXPECT_EQ(runVellum({"bake", in, "-o", out, "--blend"}).exitCode, 0);
+    EXPECT_EQ(bakedPrimitives(folder / "out/tree.glb"), 1u);
+    const Outcome older = runVellum({"bake", in, "-o", out});
+    EXPECT_NE(older.output.find("the earlier file is left as it is"), std::string::npos) << older.output;
+
+    // Micromaps that nothing replaces are removed, which changes the file.
+    EXPECT_EQ(runVellum({"bake", (folder / "out/tree.glb").string(), (folder / "none.glb").string()}).exitCode, 0);
+    EXPECT_EQ(bakedPrimitives(folder / "none.glb"), 0u);
 }
 
 TEST(BakeCommand, FilterFromStdinToStdout)

@@ -43,6 +43,9 @@ with tempfile.TemporaryDirectory() as name:
     assert len(bake["files"][0]["primitives"]) == 2
     report("bake", tree, "--exclude-material", "tw*", "--dry-run", "--states", "2")
     report("bake", tree, cut, "-o", folder / "out", code=1)
+    unbaked = report("bake", tree, "--exclude-material", "*", "--force")["files"][0]
+    assert not unbaked["written"] and len(unbaked["skipped"]) == 2
+    report("bake", tree, "--exclude-material", "*", "--require-micromaps", "--force", code=7)
     report("info", tree, baked)
     report("info", baked, cut, code=1)
     report("inspect", baked, "-o", folder / "page.html", "--material", "leaf")
@@ -50,6 +53,7 @@ with tempfile.TemporaryDirectory() as name:
     report("verify", baked, tree)
     report("verify", "--exact", "--max-findings", "2", baked)
     report("verify", "--strict", cut, tree, code=1)
+    report("verify", "--require-micromaps", baked, tree, code=7)
     report("info")
     # An empty compute shader.
     module = folder / "empty.spv"

@@ -320,10 +320,44 @@ TEST_F(GltfReport, ACutoffForBlendIsACaution)
     EXPECT_EQ(number(glass["states"]["opaque"]), 1);
     EXPECT_TRUE(has(glass["caution"].string().value_or(""), words)) << json.output;
     EXPECT_TRUE(has(run(arguments).output, "caution")) << "without a report";
-    // Without --blend-cutoff, the default rule applies, under which it is wrong.
-    EXPECT_TRUE(has(run({"verify", in("card.omm.glb")}, 4).output, "wrong: mesh 0 primitive 1"));
-    EXPECT_TRUE(has(run({"verify", "--blend-cutoff", "0.5", in("card.omm.glb")}).output, "caution: mesh 0 primitive"));
-    run({"verify", "--blend-cutoff", "0.5", "--strict", in("card.omm.glb")}, 5);
+    // The file has the cutoff.
+    EXPECT_TRUE(has(run({"verify", in("card.omm.glb")}).output, "verified as a mask with the cutoff 0.5"));
+    run({"verify", "--strict", in("card.omm.glb")}, 5);
+    run({"verify", "--blend-cutoff", "0.9", in("card.omm.glb")}, 4);
+}
+
+TEST_F(GltfReport, ACutoffForBlendThatTheFileLacks)
+{
+    write("card.glb", kGlass);
+    // A number that single precision rounds.
+    run({"bake", in("card.glb"), "--blend", "--blend-cutoff", "0.3"});
+    EXPECT_TRUE(has(textOf(in("card.omm.glb")), "\"blendCutoff\":0.3"));
+    run({"verify", in("card.omm.glb")});
+    const Bytes baked = readFile(in("card.omm.glb"));
+    // With another value, or without one.
+    const auto writeCutoff = [&](std::string value) {
+        std::string text(baked.begin(), baked.end());
+        const std::string name = "\"blendCutoff\":";
+        const size_t at = text.find(name);
+        ASSERT_NE(at, std::string::npos);
+        const size_t begin = at + name.size();
+        const std::string old = text.substr(begin, text.find('}', begin) - begin);
+        if (value.empty())
+            text[at + 1] = 'B';
+        value.resize(old.size(), ' ');
+        text.replace(begin, old.size(), text[at + 1] == 'B' ? old : value);
+        writeFile(folder / "card.omm.glb", Bytes(text.begin(), text.end()));
+    };
+    // The default rule applies then, under which it is wrong, and the option is named.
+    for (const char *value : {"", "[3]", "null", "\"0.3\"", "1e99"}) {
+        writeCutoff(value);
+        const Outcome outcome = run({"verify", in("card.omm.glb")}, 4);
+        EXPECT_TRUE(has(outcome.output, "wrong: mesh 0 primitive 1")) << value;
+        EXPECT_TRUE(has(outcome.output, "the same --blend-cutoff")) << value;
+        run({"verify", "--blend-cutoff", "0.3", in("card.omm.glb")});
+    }
+    writeCutoff("2");
+    EXPECT_TRUE(has(run({"verify", in("card.omm.glb")}, 4).output, "cutoff 2"));
 }
 
 TEST_F(GltfReport, CountsAndOffsetsHave64Bits)

@@ -11,10 +11,12 @@ class StoredMicromaps : public Rendering
 {
 protected:
     // Bakes the card into card.omm.glb.
-    void bake(const Replacements &replacements = {})
+    void bake(const Replacements &replacements = {}, const std::vector<std::string> &options = {})
     {
         writeFile(folder / "card.glb", cardGlb(replacements));
-        const Outcome outcome = runVellum({"bake", (folder / "card.glb").string(), "--level", "4"});
+        std::vector<std::string> arguments = {"bake", (folder / "card.glb").string(), "--level", "4"};
+        arguments.insert(arguments.end(), options.begin(), options.end());
+        const Outcome outcome = runVellum(arguments);
         ASSERT_EQ(outcome.exitCode, 0) << outcome.errors;
     }
     Outcome compare(std::vector<std::string> options = {})
@@ -44,6 +46,44 @@ TEST_F(StoredMicromaps, UsedUnlessABakeIsRequested)
         EXPECT_EQ(lineOf(baked, "in the file"), "");
         EXPECT_EQ(lineOf(baked, "| differing"), kNone);
     }
+}
+
+TEST_F(StoredMicromaps, AFileWithoutThemIsNotBakedSilently)
+{
+    bake();
+    writeFile(folder / "card.omm.glb", readFile(folder / "card.glb"));
+    EXPECT_NE(lineOf(compare(), "baked").find("for this picture, as the file has no micromaps: level auto"),
+              std::string::npos);
+    EXPECT_EQ(lineOf(compare({"--bake"}), "baked").find("as the file has no micromaps"), std::string::npos);
+    EXPECT_NE(compare({"--json"}).output.find("\"baked\": true"), std::string::npos);
+    bake();
+    EXPECT_NE(compare({"--json"}).output.find("\"baked\": false"), std::string::npos);
+}
+
+// As by vellum bake: only with --blend.
+TEST_F(StoredMicromaps, BlendOnRequest)
+{
+    const Replacements blend = {{"\"alphaMode\": \"MASK\", \"alphaCutoff\": 0.25", "\"alphaMode\": \"BLEND\""}};
+    bake(blend, {"--blend", "--blend-cutoff", "0.25"});
+    const auto cutoff = [](const std::string &text) {
+        return "blending    none: 1 geometry with alphaMode BLEND is masked with the cutoff " + text;
+    };
+    const Outcome stored = compare();
+    EXPECT_EQ(lineOf(stored, "blending"), cutoff("0.25"));
+    EXPECT_EQ(lineOf(stored, "alpha test"), "");
+    EXPECT_EQ(lineOf(stored, "| differing"), kNone);
+    const Outcome skipped = compare({"--bake"});
+    EXPECT_EQ(lineOf(skipped, "blending"), cutoff("0.5"));
+    EXPECT_EQ(lineOf(skipped, "alpha test"), "alpha test  alone for 1 geometry with alphaMode BLEND; --blend bakes it");
+    const auto known = [&](const std::vector<std::string> &options) {
+        const Outcome outcome = compare(options);
+        EXPECT_EQ(lineOf(outcome, "alpha test"), "");
+        EXPECT_EQ(lineOf(outcome, "| differing"), kNone);
+        return lineOf(outcome, "surface");
+    };
+    // The largest alpha, 0.75, is unknown without a cutoff.
+    EXPECT_NE(known({"--blend"}), known({"--blend", "--blend-cutoff", "0.5"}));
+    EXPECT_EQ(known({"--blend", "--blend-cutoff", "0.25", "--level", "4"}), lineOf(stored, "surface"));
 }
 
 // The two opaque micromap triangles of other indices make a picture that differs: what the file says is what is traced.

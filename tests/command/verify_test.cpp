@@ -97,6 +97,7 @@ TEST_F(VerifyCommand, StrictReportsPossibleImprovements)
     const CardFile bold = baked(BakeOptions{}.exactly());
     EXPECT_EQ(verify(bold).exitCode, 0);
     EXPECT_TRUE(has(verify(bold).output, "outside the margins:"));
+    EXPECT_TRUE(has(verify(bold).output, "with the same options, such as --exact"));
     EXPECT_EQ(verify(bold, {"--strict"}).exitCode, 5);
     EXPECT_EQ(verify(bold, {"--strict", "--exact"}).exitCode, 0);
     // The strict margins are needlessly unknown under --exact.
@@ -112,6 +113,21 @@ TEST_F(VerifyCommand, StrictReportsPossibleImprovements)
     EXPECT_EQ(verify(plain).exitCode, 0);
     EXPECT_TRUE(has(verify(plain).output, "no micromaps"));
     EXPECT_EQ(verify(plain, {"--strict"}).exitCode, 7);
+}
+
+TEST_F(VerifyCommand, RequiresMicromapsOnRequest)
+{
+    EXPECT_EQ(verify(card, {"--require-micromaps"}).exitCode, 0);
+    CardFile plain = card;
+    plain.extension = false;
+    for (const char *quiet : {"-q", "-v", "--strict"})
+        EXPECT_EQ(verify(plain, {"--require-micromaps", quiet}).exitCode, 7);
+    const Outcome json = verify(plain, {"--require-micromaps", "--json"});
+    EXPECT_EQ(json.exitCode, 7);
+    EXPECT_TRUE(has(json.output, "\"exitCode\": 7")) << json.output;
+    // A claim that is wrong comes first.
+    change(card, State::Opaque, State::Transparent);
+    EXPECT_EQ(verify(card, {"--require-micromaps"}).exitCode, 4);
 }
 
 TEST_F(VerifyCommand, ReportsABrokenStructure)

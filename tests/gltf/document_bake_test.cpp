@@ -175,6 +175,45 @@ TEST(DocumentBake, EqualAlphaSharesAMicromap)
     EXPECT_GT(bytes, 20u);
 }
 
+// Of two meshes with equal triangles, the larger one keeps what fits.
+TEST(DocumentBake, ABudgetGoesToTheLargestSurface)
+{
+    for (const size_t large : {size_t{0}, size_t{1}}) {
+        const std::string small = R"({"mesh": )" + std::to_string(1 - large) + "}";
+        DocumentBakeOptions options = optionsOf();
+        const Replacements meshes = {
+            {R"(  {"attributes": {"POSITION": 3}, "material": 1}]}])",
+             R"(  {"attributes": {"POSITION": 3}, "material": 2}]}, {"primitives": [)"
+             R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 1}]}])"},
+            {R"({"name": "wood"})",
+             R"({"name": "other", "alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture":
+                {"index": 0}}}, {"name": "wood"})"},
+            {R"("scenes": [{"nodes": [0]}])", R"("scenes": [{"nodes": [0, 1]}])"},
+            {R"({"mesh": 0, "translation": [0, 2, 0]})",
+             small + R"(, {"scale": [20, 20, 20], "mesh": )" + std::to_string(large) + "}"}};
+        const auto bytesOf = [&](const DocumentBake &bake, size_t primitive) {
+            return bake.micromaps.at(bake.primitives.at(primitive).micromap.micromap).bytes();
+        };
+        const DocumentBake whole = bakeCard(meshes, options);
+        ASSERT_EQ(whole.micromaps.size(), 2u);
+        const uint64_t all = bytesOf(whole, 0) + bytesOf(whole, 1);
+        options.bake.budget = all;
+        const DocumentBake same = bakeCard(meshes, options);
+        for (size_t i = 0; i < 2; ++i)
+            EXPECT_EQ(same.micromaps[i].data, whole.micromaps[i].data);
+        // An empty micromap has 9 bytes.
+        for (uint64_t budget = 18; budget < all; budget += all / 20) {
+            options.bake.budget = budget;
+            const DocumentBake some = bakeCard(meshes, options);
+            EXPECT_LE(bytesOf(some, 0) + bytesOf(some, 1), budget);
+        }
+        options.bake.budget = bytesOf(whole, large) + 9;
+        const DocumentBake bake = bakeCard(meshes, options);
+        EXPECT_GT(bytesOf(bake, large), bytesOf(whole, large) * 3 / 4);
+        EXPECT_LT(bytesOf(bake, 1 - large), bytesOf(whole, 1 - large) / 4);
+    }
+}
+
 TEST(DocumentBake, AMaterialWithoutTextureIsOneStateAllOver)
 {
     const Replacements bare = {{R"(, "baseColorTexture": {"index": 0})", ""}};

@@ -165,6 +165,90 @@ TEST(BakeResult, KeepsBudgets)
     EXPECT_GT(knownShare(half), knownShare(lower));
 }
 
+// Sharing counts: the same triangles on three repetitions of the texture.
+TEST(BakeResult, ABudgetOfItsOwnBytesChangesNothing)
+{
+    AlphaTexture t = disc(20);
+    t.wrapU = Wrap::Repeat;
+    std::vector<TriangleUvs> triangles;
+    for (const TriangleUvs &uvs : scattered(20))
+        for (const float shift : {0.0f, 4.0f, 8.0f}) {
+            triangles.push_back(uvs);
+            for (TexCoord &corner : triangles.back())
+                corner.u = std::round(corner.u * 256) / 256 + shift;
+        }
+    for (const std::optional<uint32_t> level : {std::optional<uint32_t>(5), std::optional<uint32_t>()})
+        for (const double minKnown : {0.0, 0.8})
+            for (const Format format : {Format::FourState, Format::TwoState}) {
+                BakeOptions o;
+                o.level = level;
+                o.minKnown = minKnown;
+                o.format = format;
+                const BakeResult whole = bake(t, triangles, o);
+                EXPECT_LT(whole.micromap.triangles.size(), 21u);
+                o.budget = bytesOf(whole);
+                const BakeResult same = bake(t, triangles, o);
+                EXPECT_EQ(same.micromap.data, whole.micromap.data);
+                EXPECT_EQ(same.micromap.indices, whole.micromap.indices);
+                *o.budget -= 1;
+                const BakeResult less = bake(t, triangles, o);
+                EXPECT_LE(bytesOf(less), *o.budget);
+                EXPECT_GT(bytesOf(less), 0u);
+            }
+}
+
+TEST(BakeResult, ABudgetIsSpent)
+{
+    const std::vector<TriangleUvs> triangles = scattered(60);
+    const AlphaTexture t = disc(20);
+    BakeOptions o;
+    o.texelsPerEdge = 8;
+    const BakeResult whole = bake(t, triangles, o);
+    double before = knownShare(whole);
+    for (const uint64_t factor : {2u, 4u, 16u}) {
+        o.budget = factor * bytesOf(whole);
+        const BakeResult r = bake(t, triangles, o);
+        EXPECT_EQ(r.micromap.validate(), std::nullopt);
+        EXPECT_LE(bytesOf(r), *o.budget);
+        EXPECT_GT(bytesOf(r), *o.budget / 2);
+        EXPECT_GT(knownShare(r), before + 0.01);
+        before = knownShare(r);
+    }
+    o.budget = uint64_t{1} << 63;
+    o.maxLevel = 4;
+    for (const MicromapTriangle &triangle : bake(t, triangles, o).micromap.triangles)
+        EXPECT_LE(triangle.subdivisionLevel, 4);
+    // A level that was asked for is the highest.
+    o.level = 3;
+    const BakeResult high = bake(t, triangles, o);
+    o.budget.reset();
+    EXPECT_EQ(high.micromap.data, bake(t, triangles, o).micromap.data);
+}
+
+TEST(BakeResult, ABudgetGoesToWhatWeighsMost)
+{
+    const std::vector<TriangleUvs> triangles = {{{{0, 0}, {1, 0}, {0, 1}}}, {{{1, 1}, {0.1f, 1}, {1, 0}}}};
+    const AlphaTexture t = disc(20);
+    for (const uint32_t heavy : {0u, 1u}) {
+        std::vector<float> weights = {1, 1};
+        weights[heavy] = 1000;
+        BakeInput input{std::span(&t, 1), triangles};
+        input.weights = weights;
+        BakeOptions o = atLevel(5);
+        o.budget = 300; // one of them has 264 bytes
+        const BakeResult r = bake(std::span(&input, 1), o);
+        const auto levelOf = [&](uint32_t which) {
+            const int32_t index = r.micromap.indices[which];
+            return index < 0 ? 0 : r.micromap.triangles[static_cast<size_t>(index)].subdivisionLevel;
+        };
+        EXPECT_EQ(levelOf(heavy), 5);
+        EXPECT_LT(levelOf(1 - heavy), 5);
+        weights.pop_back();
+        input.weights = weights;
+        EXPECT_THROW(bake(std::span(&input, 1), o), BakeError);
+    }
+}
+
 TEST(BakeResult, TwoStateRules)
 {
     const std::vector<TriangleUvs> triangles = scattered(10);

@@ -27,7 +27,7 @@ struct BakeCommandOptions {
     unsigned threads = 0; // 0: one for each processor
     bool force = false;   // replaces any file
     bool dryRun = false;  // writes nothing
-    bool requireMicromaps = false;
+    bool copy = false;    // writes files in which nothing is baked as well
     bool table = false;
     bool json = false;
     bool quiet = false;

@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "base/process.h"
 #include "base/progress.h"
+#include "base/text.h"
 #include "cli/bake/bake_report.h"
 #include "cli/base/exit_code.h"
 #include "cli/base/files.h"
@@ -147,10 +148,11 @@ ExitCode printProblems(const BakeCommandOptions &options, const std::vector<Bake
             std::fprintf(stderr, "vellum: %s\n", problem.c_str());
             code = worse(code, ExitCode::Failed);
         }
-        if (!options.requireMicromaps || !report.error.empty() || !report.primitives.empty())
+        if (!options.bake.requireMicromaps || !report.error.empty() || !report.primitives.empty())
             continue;
         if (report.failure.empty())
-            std::fprintf(stderr, "vellum: %s: no primitive got a micromap\n", utf8Text(report.job.input).c_str());
+            std::fprintf(stderr, "vellum: %s: nothing was written: no primitive gets a micromap%s\n",
+                         utf8Text(report.job.input).c_str(), skippedText(report).c_str());
         code = worse(code, ExitCode::NoMicromaps);
     }
     return code;
@@ -172,6 +174,7 @@ int bakeCommand(BakeCommandOptions &options)
             data->finish();
         };
     }
+    options.bake.skipUnchanged = !options.copy && options.output != "-";
     if (options.quiet && !options.json)
         discardReports();
     UnmatchedExclusions exclusions(options.bake);
@@ -184,6 +187,12 @@ int bakeCommand(BakeCommandOptions &options)
         printLines(reports);
     if (options.dryRun && !options.json)
         std::printf("nothing was written (--dry-run)\n");
+    const auto unchanged = std::count_if(reports.begin(), reports.end(), [](const BakeFileReport &report) {
+        return report.error.empty() && !report.written;
+    });
+    if (unchanged != 0 && !options.bake.requireMicromaps && !options.json)
+        std::printf("%s not written, as nothing is baked; --copy writes copies of such inputs\n",
+                    counted(static_cast<size_t>(unchanged), "output was", "outputs were").c_str());
     std::fflush(stdout);
     const ExitCode code = printProblems(options, reports);
     if (!Interruptible::interrupted()) {

@@ -24,7 +24,8 @@ Every primitive with an alpha-tested material (alphaMode MASK) gets a micromap b
 EXT_mesh_opacity_micromap. A micro-triangle is opaque or transparent only if the alpha test has that outcome at every
 point of it, so a renderer that samples the texture for the others draws exactly what it draws without micromaps.
 Everything else in the file stays as it is, byte for byte. All micromaps of the file are replaced; a primitive that is
-skipped loses its micromap.
+skipped loses its micromap. Where nothing is baked and nothing changes, no output is written, except to stdout and with
+--copy.
 
 Without OUT, NAME.omm.glb is written beside the input. OUT can be a folder; several inputs, and folders, need -o FOLDER.
 Folders are searched recursively, and files keep their place below the output folder. Inputs are never modified. Outputs
@@ -75,8 +76,11 @@ void declareFiles(CLI::App &command, BakeCommandOptions &options)
     command.add_flag("--force", options.force, "Replace existing files, whoever wrote them");
     command.add_flag("-n,--dry-run", options.dryRun, "Bake, but write nothing");
     command.add_flag("--embed", options.bake.embed, "Put the micromaps of a .gltf into the file itself (data URI)");
-    command.add_flag("--require-micromaps", options.requireMicromaps,
-                     "Exit with 7 if no primitive of a file got a micromap");
+    command.add_flag(
+        "--copy", options.copy,
+        "Also write outputs that equal their input, as nothing is baked in it, for a complete output folder");
+    command.add_flag("--require-micromaps", options.bake.requireMicromaps,
+                     "Where no primitive of a file gets a micromap, write nothing and exit with 7");
     command.add_flag("-v,--verbose,--report", options.table, "Print a table of what each primitive got");
     command.add_flag("--json", options.json, "Print the report as JSON");
     command.option_defaults()->group(kGeneral);
@@ -126,8 +130,8 @@ void declareQuality(CLI::App &command, BakeOptions &bake, RawBakeOptions &raw)
     command
         .add_option(
             "--budget", raw.budget,
-            "Most bytes of micromaps for a file, like 500K or 2M: levels are lowered where that loses least. 0: one "
-            "state "
+            "Most bytes of micromaps for a file, like 500K or 2M: levels are lowered where that loses the least known "
+            "surface, or automatic ones raised where that gains the most. 0: one state "
             "for each triangle; what then remains are the 9 bytes of an empty micromap for each material [none]")
         ->type_name("BYTES");
     takesWords(*command.add_option("--states", raw.states,

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <fmt/format.h>
 #include <numeric>
+#include <set>
 
 #include "base/text.h"
 #include "core/utf8_path.h"
@@ -76,15 +77,17 @@ std::string summary(const BakeFileReport &file)
     for (const BakedReport &primitive : file.primitives)
         triangles += primitive.triangles;
     std::string text = file.primitives.empty()
-                           ? "nothing to bake"
+                           ? std::string(file.written ? "nothing to bake" : "nothing to bake, not written")
                            : fmt::format("{}, {}, {} of triangles known, {} of micromaps",
                                          counted(file.primitives.size(), "primitive"), counted(triangles, "triangle"),
                                          percent(knownShare(file.primitives)), counted(micromapBytes(file), "byte"));
-    if (!file.skipped.empty())
-        text += fmt::format("; {} skipped", counted(file.skipped.size(), "alpha-tested primitive"));
+    std::error_code error;
+    if (!file.written && std::filesystem::exists(file.job.output, error))
+        text += ", the earlier file is left as it is";
+    text += skippedText(file);
     const auto lost = std::count_if(file.skipped.begin(), file.skipped.end(),
                                     [](const SkippedPrimitive &s) { return s.hadMicromap; });
-    if (lost != 0)
+    if (lost != 0 && file.written)
         text += fmt::format(" ({} lost {} micromap)", lost, lost == 1 ? "its" : "their");
     if (file.surface)
         text += "; " + describe(*file.surface);
@@ -137,7 +140,7 @@ void write(const BakeFileReport &file, JsonWriter &json)
         return;
     }
     json.member("output", utf8Text(file.job.output));
-    json.member("bytes", file.inputBytes).member("outputBytes", file.outputBytes);
+    json.member("written", file.written).member("bytes", file.inputBytes).member("outputBytes", file.outputBytes);
     if (!file.failure.empty())
         json.member("failure", file.failure);
     json.member("replaced", file.replaced);
@@ -193,7 +196,8 @@ void printRemarks(const BakeFileReport &file)
             fmt::print("  caution: {}{}: {}\n", p.primitive, p.material.empty() ? "" : fmt::format(" ({})", p.material),
                        p.caution);
     for (const SkippedPrimitive &skipped : file.skipped)
-        fmt::print("  skipped: {}{}\n", describe(skipped), skipped.hadMicromap ? "; its micromap was removed" : "");
+        fmt::print("  skipped: {}{}\n", describe(skipped),
+                   skipped.hadMicromap && file.written ? "; its micromap was removed" : "");
 }
 
 } // namespace
@@ -205,6 +209,7 @@ BakeFileReport reportOf(const BakeJob &job, FileBake result)
     report.failure = failureOf(job, result.bake);
     report.replaced = result.replaced;
     report.replacedLoss = std::move(result.replacedLoss);
+    report.written = result.written;
     report.inputBytes = result.inputBytes;
     report.outputBytes = result.outputBytes;
     report.surface = result.surface;
@@ -220,11 +225,29 @@ BakeFileReport reportOf(const BakeJob &job, FileBake result)
     return report;
 }
 
+std::string skippedText(const BakeFileReport &file)
+{
+    if (file.skipped.empty())
+        return "";
+    std::string text = fmt::format("; {} skipped", counted(file.skipped.size(), "alpha-tested primitive"));
+    size_t blended = 0;
+    std::set<std::string> materials;
+    for (const SkippedPrimitive &skipped : file.skipped)
+        if (skipped.code == SkipReason::AlphaModeBlend) {
+            ++blended;
+            materials.insert(skipped.material);
+        }
+    if (blended != 0)
+        text += fmt::format(" (alphaMode BLEND: {} of {}; --blend bakes {})", counted(blended, "primitive"),
+                            counted(materials.size(), "material"), blended == 1 ? "it" : "them");
+    return text;
+}
+
 void printLines(const std::vector<BakeFileReport> &files)
 {
     for (const BakeFileReport &file : files)
         if (file.error.empty()) {
-            fmt::print("{}: {}\n", utf8Text(file.job.output), summary(file));
+            fmt::print("{}: {}\n", utf8Text(file.written ? file.job.output : file.job.input), summary(file));
             printReplacedLoss(file);
         }
 }
@@ -235,8 +258,9 @@ void printTable(const std::vector<BakeFileReport> &files)
         if (!file.error.empty())
             continue;
         fmt::print("{} -> {}: {}\n", utf8Text(file.job.input), utf8Text(file.job.output), summary(file));
-        fmt::print("  {} bytes became {}{}\n", grouped(file.inputBytes), grouped(file.outputBytes),
-                   file.replaced ? ", its micromaps were replaced" : "");
+        if (file.written)
+            fmt::print("  {} bytes became {}{}\n", grouped(file.inputBytes), grouped(file.outputBytes),
+                       file.replaced ? ", its micromaps were replaced" : "");
         printReplacedLoss(file);
         printPrimitives(file);
         for (size_t i = 0; i < file.micromaps.size(); ++i)

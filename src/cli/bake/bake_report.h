@@ -30,12 +30,13 @@ struct BakedReport {
 struct BakeFileReport {
     BakeJob job;
     std::string error; // in one line; empty if the file was baked. Everything below is empty otherwise
-    // Why no primitive was baked, although the output was written: something is not supported. Empty if one was.
+    // Why no primitive was baked although some should have been: something is not supported. Empty if one was.
     std::string failure;
     bool replaced = false;
     std::string replacedLoss; // lossOfMicromaps() of the micromaps that were replaced
+    bool written = false;
     uint64_t inputBytes = 0;
-    uint64_t outputBytes = 0;
+    uint64_t outputBytes = 0; // 0 if nothing was written
     std::vector<BakedReport> primitives;
     std::vector<MicromapSummary> micromaps;
     std::vector<SkippedPrimitive> skipped;
@@ -43,6 +44,9 @@ struct BakeFileReport {
 };
 
 BakeFileReport reportOf(const BakeJob &job, FileBake result);
+
+// `; 2 alpha-tested primitives skipped (alphaMode BLEND: 1 primitive of 1 material; --blend bakes it)`, or empty.
+std::string skippedText(const BakeFileReport &file);
 
 void printLines(const std::vector<BakeFileReport> &files);
 void printTable(const std::vector<BakeFileReport> &files);

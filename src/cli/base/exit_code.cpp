@@ -17,7 +17,7 @@ std::span<const ExitCodeMeaning> exitCodes()
         {ExitCode::WrongClaims, "verify: states that contradict the texture"},
         {ExitCode::UncertainClaims, "verify --strict: states outside the margins, undecided claims, or cautions"},
         {ExitCode::NeedlesslyUnknown, "verify --strict: states that are unknown without need"},
-        {ExitCode::NoMicromaps, "verify --strict, bake --require-micromaps: no micromaps"},
+        {ExitCode::NoMicromaps, "verify --strict or --require-micromaps, bake --require-micromaps: no micromaps"},
         {ExitCode::MessagesFailed,
          "run: the program succeeded, but there were messages of the severity of --fail-on, or "
          "nothing was checked (--require-checks)"},

@@ -16,7 +16,7 @@ enum class ExitCode : int {
     WrongClaims = 4,
     UncertainClaims = 5, // 5 and 6 only with verify --strict
     NeedlesslyUnknown = 6,
-    NoMicromaps = 7, // verify --strict, bake --require-micromaps
+    NoMicromaps = 7, // verify --strict or --require-micromaps, bake --require-micromaps
     // Far from those of the programs that `run` runs; the last two are a shell's.
     MessagesFailed = 122, // run
     NotRun = 125,         // run, check

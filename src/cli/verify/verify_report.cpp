@@ -158,6 +158,22 @@ void printFindings(const verify::FileReport &report)
         fmt::print("  and {} more (--max-findings lists more)\n", grouped(all - shown));
 }
 
+// The options that findings of sound micromaps can be due to.
+void printHints(const verify::FileReport &report)
+{
+    const bool blend = std::any_of(report.primitives.begin(), report.primitives.end(), [](const PrimitiveReport &p) {
+        return !p.cutoff && p.result.counts.of(Kind::Wrong) > 0;
+    });
+    if (blend)
+        fmt::print(
+            "  hint: alphaMode BLEND is known where alpha is 0 or 1 only; micromaps that were baked for a cutoff "
+            "are verified with the same --blend-cutoff\n");
+    if (report.counts().of(Kind::OutsideMargins) > 0)
+        fmt::print(
+            "  hint: micromaps that were baked with other tolerances are verified with the same options, such as "
+            "--exact\n");
+}
+
 void writeLevel(const char *name, int level, JsonWriter &json)
 {
     json.key(name);
@@ -198,10 +214,10 @@ void write(const PrimitiveReport &p, JsonWriter &json)
     json.end();
 }
 
-void write(const VerifiedFile &file, bool strict, JsonWriter &json)
+void write(const VerifiedFile &file, JsonWriter &json)
 {
     const verify::FileReport &r = file.report;
-    json.beginObject().member("file", file.path).member("exitCode", static_cast<int>(exitCodeOf(file, strict)));
+    json.beginObject().member("file", file.path).member("exitCode", static_cast<int>(file.code));
     if (!file.error.empty()) {
         json.member("error", file.error).end();
         return;
@@ -225,7 +241,7 @@ void write(const VerifiedFile &file, bool strict, JsonWriter &json)
 
 } // namespace
 
-ExitCode exitCodeOf(const VerifiedFile &file, bool strict)
+ExitCode exitCodeOf(const VerifiedFile &file, bool strict, bool requireMicromaps)
 {
     const verify::FileReport &report = file.report;
     const Counts sum = report.counts();
@@ -235,10 +251,10 @@ ExitCode exitCodeOf(const VerifiedFile &file, bool strict)
         return ExitCode::InvalidMicromaps;
     if (sum.of(Kind::Wrong) > 0)
         return ExitCode::WrongClaims;
+    if ((strict || requireMicromaps) && file.extension.empty())
+        return ExitCode::NoMicromaps;
     if (!strict)
         return ExitCode::Success;
-    if (file.extension.empty())
-        return ExitCode::NoMicromaps;
     const bool cautious = std::any_of(report.primitives.begin(), report.primitives.end(),
                                       [](const PrimitiveReport &p) { return !p.caution.empty(); });
     if (cautious || sum.of(Kind::OutsideMargins) + sum.open > 0)
@@ -277,15 +293,16 @@ void printVerified(const VerifiedFile &file, bool verbose)
     for (const verify::Unverified &u : report.unverified)
         fmt::print("  not verified: {}: {}\n", u.name, u.reason);
     printFindings(report);
+    printHints(report);
     if (sum.open > 0)
         fmt::print("  undecided: {} claims that are too close to call, or take too long\n", grouped(sum.open));
 }
 
-std::string verifiedJson(const std::vector<VerifiedFile> &files, bool strict)
+std::string verifiedJson(const std::vector<VerifiedFile> &files)
 {
     JsonWriter json;
     beginReport(json, "verify");
-    json.list("files", files, [&](const VerifiedFile &file) { write(file, strict, json); });
+    json.list("files", files, [&](const VerifiedFile &file) { write(file, json); });
     return json.end().text();
 }
 

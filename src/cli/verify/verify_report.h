@@ -22,13 +22,14 @@ struct VerifiedFile {
     std::optional<SurfaceShares> surface;
     std::string extension; // empty if it has no micromaps, or invalid ones
     std::vector<MicromapSummary> micromaps;
+    ExitCode code = ExitCode::Success;
 };
 
-ExitCode exitCodeOf(const VerifiedFile &file, bool strict);
+ExitCode exitCodeOf(const VerifiedFile &file, bool strict, bool requireMicromaps);
 
 // Readable text: a table and findings. Without `verbose`, not all primitives of a file with very many.
 void printVerified(const VerifiedFile &file, bool verbose);
 
-std::string verifiedJson(const std::vector<VerifiedFile> &files, bool strict);
+std::string verifiedJson(const std::vector<VerifiedFile> &files);
 
 } // namespace vellum::cli

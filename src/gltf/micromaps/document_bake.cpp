@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <tuple>
 
 #include "base/text.h"
 #include "gltf/alpha_textures.h"
 #include "gltf/micromaps/changing_alpha.h"
+#include "gltf/micromaps/known_surface.h"
 #include "gltf/primitive.h"
 
 namespace vellum
@@ -29,6 +31,7 @@ struct TrianglePlace {
 struct Layer {
     std::vector<TriangleUvs> uvs;
     std::vector<TrianglePlace> places;
+    std::vector<float> weights; // with a budget: their surface
 };
 
 struct Source {
@@ -46,6 +49,9 @@ constexpr size_t kMapsForImage = 16;
 // The limit for all primitives together, in addition to one triangle for each byte of the file's buffers. Primitives
 // can share their indices.
 constexpr size_t kMostTriangles = size_t{1} << 24;
+
+// The size of a micromap without data of its own: a triangle of level 0 that nothing refers to.
+constexpr uint64_t kEmptyBytes = sizeof(MicromapTriangle) + 1;
 
 bool matches(const std::string &name, const std::vector<std::string> &patterns)
 {
@@ -71,6 +77,7 @@ private:
     void addTriangles(Source &source, const Primitive &primitive);
     void dropRareLayers();
     void readTexture(Source &source);
+    void weigh();
     void bakeSources(std::span<Source> sources);
     // Returns the indices that are left for the next source.
     std::span<const int32_t> takeResult(Source &source, const Micromap &micromap, std::span<const int32_t> indices);
@@ -207,7 +214,7 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     baked.name = document_.nameOf(place);
     baked.material = material.name;
     if (material.alphaMode == AlphaMode::Blend && options_.blendCutoff)
-        baked.caution = blendCaution(*options_.blendCutoff, "baked");
+        baked.caution = blendCaution(*(result_.blendCutoff = options_.blendCutoff), "baked");
     if (!list)
         baked.corners = std::move(primitive.indices);
 }
@@ -281,6 +288,26 @@ void DocumentBaker::readTexture(Source &source)
     }
 }
 
+// By the area in the scene. Triangles without one count a little, in proportion to none of the others.
+void DocumentBaker::weigh()
+{
+    const std::map<PrimitivePlace, std::vector<double>> areas = surfaceAreas(document_);
+    if (areas.empty())
+        return; // all count alike
+    double all = 0;
+    for (const auto &[place, its] : areas)
+        all = std::accumulate(its.begin(), its.end(), all);
+    const double least = 1e-6 * all / static_cast<double>(std::max<size_t>(total_, 1));
+    for (Source &source : sources_)
+        for (auto &[alpha, layer] : source.layers)
+            for (const TrianglePlace &place : layer.places) {
+                const auto its = areas.find(result_.primitives[place.primitive].place);
+                const bool known = its != areas.end() && place.triangle < its->second.size();
+                layer.weights.push_back(
+                    static_cast<float>(std::max(least, known ? its->second[place.triangle] : 0) / all));
+            }
+}
+
 // Bakes sources whose textures were read.
 void DocumentBaker::bakeSources(std::span<Source> sources)
 {
@@ -295,6 +322,8 @@ void DocumentBaker::bakeSources(std::span<Source> sources)
             input.textures = {source.texture.get(), 1};
             input.triangles = layer.uvs;
             input.uvTerms = static_cast<double>(source.uvTerms);
+            input.weights = layer.weights;
+            input.group = static_cast<uint32_t>(&source - sources.data());
             if (source.cutoff) {
                 // The shader compares the product of both alphas with the cutoff.
                 input.cutoff =
@@ -308,6 +337,11 @@ void DocumentBaker::bakeSources(std::span<Source> sources)
         }
     }
     BakeOptions options = options_.bake;
+    options.emptyGroupBytes = kEmptyBytes;
+    if (options.budget)
+        for (const Source &source : sources)
+            if (source.texture && source.layers.empty())
+                *options.budget -= std::min(*options.budget, kEmptyBytes);
     if (options.progress)
         options.progress = [&](size_t done, size_t total) {
             const double share = total == 0 ? 1 : static_cast<double>(done) / static_cast<double>(total);
@@ -338,8 +372,10 @@ void DocumentBaker::bakeAll()
         if (!options_.bake.budget)
             bakeSources({source, 1});
     }
-    if (options_.bake.budget)
+    if (options_.bake.budget) {
+        weigh();
         bakeSources(sources_); // the budget is shared over all of them
+    }
 }
 
 // In the order of the sources. Drops the primitives of sources whose image cannot be decoded in this build.
@@ -406,6 +442,7 @@ StoredMicromaps storedOf(DocumentBake bake)
 {
     StoredMicromaps stored;
     stored.micromaps = std::move(bake.micromaps);
+    stored.blendCutoff = bake.blendCutoff;
     for (BakedPrimitive &primitive : bake.primitives)
         stored.primitives[primitive.place] = std::move(primitive.micromap);
     return stored;

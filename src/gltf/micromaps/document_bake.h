@@ -79,6 +79,7 @@ struct DocumentBake {
     std::vector<StoredMicromap> micromaps;
     std::vector<BakedPrimitive> primitives; // in the file's order
     std::vector<SkippedPrimitive> skipped;
+    std::optional<float> blendCutoff; // of the options, if a primitive was baked with it
 };
 
 // Bakes every alpha-tested primitive, whether a node uses it or not. The result does not depend on the number of

@@ -349,7 +349,10 @@ RewrittenFile Writer::write()
     JsonWriter json(JsonStyle::Compact);
     json.beginObject().list("micromaps", bake_.micromaps,
                             [&](const StoredMicromap &micromap) { writeMicromap(micromap, json); });
-    json.key("extras").beginObject().member("generator", kGenerator).end();
+    json.key("extras").beginObject().member("generator", kGenerator);
+    if (bake_.blendCutoff)
+        json.member("blendCutoff", static_cast<double>(*bake_.blendCutoff));
+    json.end();
     setExtension(root_, any ? json.end().text() : "");
     editPrimitives();
     setUsed(any);
@@ -379,6 +382,7 @@ RewrittenFile withMicromaps(const Document &document, const DocumentBake &bake, 
         const bool has = document.tree().text().find("_mesh_opacity_micromap") != std::string_view::npos;
         if (bake.micromaps.empty() && !has) {
             result.file.add(document.bytes());
+            result.changed = false;
             return result;
         }
         return Writer(document, bake, bufferStem).write();

@@ -16,6 +16,7 @@ struct RewrittenFile {
     // The additional file of a .gltf, and its name; empty if there is none.
     FileContent buffer;
     std::string bufferName;
+    bool changed = true; // otherwise the file has the bytes of the document
 };
 
 // Returns whether the extension, in either spelling, is in the root of the document.

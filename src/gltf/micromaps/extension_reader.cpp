@@ -2,6 +2,7 @@
 #include "gltf/micromaps/extension_reader.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <map>
@@ -233,6 +234,9 @@ void ExtensionReader::findExtension()
         if (!extension.exists() || !stored_.extension.empty())
             continue;
         stored_.extension = spelling;
+        const double cutoff = extension["extras"]["blendCutoff"].number().value_or(NAN);
+        if (std::abs(cutoff) <= std::numeric_limits<float>::max())
+            stored_.blendCutoff = static_cast<float>(cutoff);
         const JsonValue list = extension["micromaps"];
         if (!list.isArray() || list.children().empty())
             note(stored_.extension + ": \"micromaps\" is not an array with elements");

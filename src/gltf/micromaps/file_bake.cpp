@@ -113,6 +113,10 @@ FileBake bakeFile(const Document &document, const std::filesystem::path &output,
             result.surface = surfaceShares(document, storedOf(result.bake));
         const RewrittenFile rewritten =
             withMicromaps(document, result.bake, document.binary() || options.embed ? "" : bufferStem(output));
+        if ((options.requireMicromaps && result.bake.primitives.empty()) ||
+            (options.skipUnchanged && !rewritten.changed))
+            return result;
+        result.written = true;
         result.outputBytes = rewritten.file.size() + rewritten.buffer.size();
         if (options.sink)
             options.sink(rewritten.file);

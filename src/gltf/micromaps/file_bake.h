@@ -17,6 +17,10 @@ struct FileBakeOptions : DocumentBakeOptions {
     bool embed = false;
     // Measures the surface of the scene, for which its vertices are read once more.
     bool measure = false;
+    // Writes nothing where no primitive gets a micromap.
+    bool requireMicromaps = false;
+    // Writes no copy: nothing where the output would have the bytes of the input.
+    bool skipUnchanged = false;
     // Takes the output instead of a file; files that a .gltf names are not copied then. May do nothing: a dry run.
     std::function<void(const FileContent &)> sink{};
 };
@@ -27,7 +31,8 @@ struct FileBake {
     std::string replacedLoss; // lossOfMicromaps() of these; empty if they had their data
     std::optional<SurfaceShares> surface;
     uint64_t inputBytes = 0;  // of the file itself
-    uint64_t outputBytes = 0; // including the separate file of micromaps
+    bool written = false;     // or passed to the sink
+    uint64_t outputBytes = 0; // including the separate file of micromaps; 0 if nothing was written
 };
 
 // The files that a document names, as far as they exist.

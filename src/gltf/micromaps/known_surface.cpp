@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gltf/micromaps/known_surface.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -101,6 +102,30 @@ std::optional<SurfaceShares> surfaceShares(const Scene &scene,
         state /= all;
     sum.withoutMicromap /= all;
     return sum;
+}
+
+std::map<PrimitivePlace, std::vector<double>> surfaceAreas(const Document &document)
+{
+    std::map<PrimitivePlace, std::vector<double>> sums;
+    double all = 0;
+    try {
+        const Scene scene = readScene(document, SceneUse::Measuring);
+        const auto areas = areasOf(scene);
+        for (size_t g = 0; areas && g < areas->size(); ++g) {
+            const std::vector<double> &its = (*areas)[g];
+            if (!scene.geometries[g].place || its.empty())
+                continue;
+            std::vector<double> &sum = sums[*scene.geometries[g].place];
+            sum.resize(std::max(sum.size(), its.size()));
+            for (size_t t = 0; t < its.size(); ++t) {
+                sum[t] += its[t];
+                all += its[t];
+            }
+        }
+    } catch (const GltfError &) {
+        return {};
+    }
+    return all > 0 ? sums : std::map<PrimitivePlace, std::vector<double>>();
 }
 
 std::optional<SurfaceShares> surfaceShares(const Document &document, const StoredMicromaps &stored)

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <functional>
+#include <map>
 #include <optional>
 #include <span>
 #include <vector>
@@ -33,6 +34,10 @@ struct SurfaceShares {
 // alpha-tested triangle has an area, or if there are more than 2^27 of them.
 std::optional<SurfaceShares> surfaceShares(const Scene &scene,
                                            const std::function<const Micromap *(size_t)> &micromapOf);
+
+// The areas of all alpha-tested triangles of the default scene in the world, those of every instance added up. Empty if
+// the scene cannot be read, or in the cases above.
+std::map<PrimitivePlace, std::vector<double>> surfaceAreas(const Document &document);
 
 // The shares for the default scene of a file, with these micromaps. No result if the scene cannot be read.
 std::optional<SurfaceShares> surfaceShares(const Document &document, const StoredMicromaps &stored);

@@ -51,6 +51,8 @@ struct StoredMicromaps {
     std::string extension; // the spelling that the file has; empty where it has none
     std::vector<StoredMicromap> micromaps;
     std::map<PrimitivePlace, PrimitiveMicromap> primitives;
+    // The cutoff with which alphaMode BLEND was baked as a mask, as `vellum bake` notes it; otherwise nothing.
+    std::optional<float> blendCutoff;
 
     // The micromap of one primitive as a model of its own, with only the triangles and data that it uses; nothing
     // where it has none. Valid by Micromap::validate().
