@@ -45,7 +45,7 @@ bool isReplaceable(const BakeJob &job)
     if (isStandardStream(job.output) || !fs::exists(job.output, error) || sameBytes(job.input, job.output))
         return true;
     try {
-        const Container container = readContainer(job.output);
+        const Container container = readJson(job.output);
         return hasOwnMicromaps(JsonTree(container.json()).root());
     } catch (const GltfError &) {
         return false;
@@ -100,7 +100,7 @@ Conflicts::Conflicts(const std::vector<BakeJob> &jobs, bool force)
     for (size_t i = 0; i < jobs.size(); ++i) {
         std::optional<Container> container;
         try {
-            container = readContainer(jobs[i].input);
+            container = readJson(jobs[i].input);
         } catch (const GltfError &) {
             continue; // the bake reports it
         }
