@@ -30,6 +30,7 @@ struct BakedReport {
 struct BakeFileReport {
     BakeJob job;
     std::string error; // in one line; empty if the file was baked. Everything below is empty otherwise
+    bool ended = true; // false: it was not baked because of an interruption or a full disk
     // Why no primitive was baked, although the output was written: something is not supported. Empty if one was.
     std::string failure;
     bool replaced = false;
