@@ -195,6 +195,10 @@ TEST(BakeJob, LogsAndResumes)
     const Outcome merged = runVellum(bake);
     EXPECT_EQ(merged.exitCode, 0) << merged.errors;
     EXPECT_NE(merged.output.find("3 files were done before\n"), std::string::npos) << merged.output;
+    std::vector<std::string> asJson = bake;
+    asJson.insert(asJson.end(), {"--json", "--shard", "1/1"});
+    const Outcome reported = runVellum(asJson);
+    EXPECT_EQ(JsonTree(reported.output).root()["done"].integer(), 3) << reported.output;
     // The next line does not go on in one that is cut off.
     const Outcome again = runVellum(bake);
     EXPECT_NE(again.output.find("3 files were done before\n"), std::string::npos) << again.output;

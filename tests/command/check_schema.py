@@ -43,6 +43,10 @@ with tempfile.TemporaryDirectory() as name:
     assert len(bake["files"][0]["primitives"]) == 2
     report("bake", tree, "--exclude-material", "tw*", "--dry-run", "--states", "2")
     report("bake", tree, cut, "-o", folder / "out", code=1)
+    log = folder / "log.jsonl"
+    jobs = ["bake", tree, baked, "-o", folder / "logged", "--force", "--log", log, "--resume", log]
+    assert len(report(*jobs)["files"]) == 2
+    assert report(*jobs)["done"] == 2
     report("info", tree, baked)
     report("info", baked, cut, code=1)
     report("inspect", baked, "-o", folder / "page.html", "--material", "leaf")

@@ -306,7 +306,7 @@ int bakeCommand(BakeCommandOptions &options)
     const BakeRun run = bakeAll(options, exclusions);
     const std::vector<BakeFileReport> &reports = run.reports;
     if (options.json)
-        printJson(reports, options.dryRun);
+        printJson(reports, run.done, options.dryRun);
     else if (options.table)
         printTable(reports);
     else

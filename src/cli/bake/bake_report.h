@@ -47,6 +47,7 @@ BakeFileReport reportOf(const BakeJob &job, FileBake result);
 
 void printLines(const std::vector<BakeFileReport> &files);
 void printTable(const std::vector<BakeFileReport> &files);
-void printJson(const std::vector<BakeFileReport> &files, bool dryRun);
+// `done`: the number of files that earlier logs have as done.
+void printJson(const std::vector<BakeFileReport> &files, size_t done, bool dryRun);
 
 } // namespace vellum::cli
