@@ -57,6 +57,25 @@ private:
     int descriptor_ = -1;
 };
 
+// A file that several processes append to.
+class AppendedFile
+{
+public:
+    // Creates the file if there is none. Throws Error.
+    explicit AppendedFile(const std::filesystem::path &path);
+    ~AppendedFile();
+    AppendedFile(const AppendedFile &) = delete;
+    AppendedFile &operator=(const AppendedFile &) = delete;
+
+    // Appends all of it by one call of the system, so that nothing of another process gets between. Throws Error where
+    // not all of it was written.
+    void append(std::string_view text);
+
+private:
+    std::filesystem::path path_;
+    intptr_t file_ = -1; // the system's
+};
+
 bool isTerminal(std::FILE *stream);
 // The width of the terminal that stdout is; nothing if it is not a terminal.
 std::optional<size_t> terminalWidth();

@@ -67,6 +67,28 @@ SharedText::~SharedText()
     close(descriptor_);
 }
 
+AppendedFile::AppendedFile(const std::filesystem::path &path)
+    : path_(path), file_(open(path.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC | O_NOCTTY, 0666))
+{
+    if (file_ < 0)
+        throw Error(utf8Text(path) + " cannot be written: " + std::strerror(errno));
+}
+
+AppendedFile::~AppendedFile()
+{
+    close(static_cast<int>(file_));
+}
+
+void AppendedFile::append(std::string_view text)
+{
+    ssize_t written = -1;
+    do
+        written = write(static_cast<int>(file_), text.data(), text.size());
+    while (written < 0 && errno == EINTR);
+    if (written != static_cast<ssize_t>(text.size()))
+        throw Error(utf8Text(path_) + " cannot be written: " + std::strerror(written < 0 ? errno : ENOSPC));
+}
+
 bool isTerminal(std::FILE *stream)
 {
     return isatty(fileno(stream)) == 1;

@@ -73,6 +73,30 @@ SharedText::~SharedText()
     std::filesystem::remove(path_, error);
 }
 
+AppendedFile::AppendedFile(const std::filesystem::path &path) : path_(path)
+{
+    const HANDLE file = CreateFileW(path.c_str(), FILE_APPEND_DATA | SYNCHRONIZE,
+                                    FILE_SHARE_READ | FILE_SHARE_WRITE | FILE_SHARE_DELETE, nullptr, OPEN_ALWAYS,
+                                    FILE_ATTRIBUTE_NORMAL, nullptr);
+    if (file == INVALID_HANDLE_VALUE)
+        throw Error(utf8Text(path) + " cannot be written: " + lastMessage());
+    file_ = reinterpret_cast<intptr_t>(file);
+}
+
+AppendedFile::~AppendedFile()
+{
+    CloseHandle(reinterpret_cast<HANDLE>(file_));
+}
+
+void AppendedFile::append(std::string_view text)
+{
+    DWORD written = 0;
+    if (!WriteFile(reinterpret_cast<HANDLE>(file_), text.data(), static_cast<DWORD>(text.size()), &written, nullptr))
+        throw Error(utf8Text(path_) + " cannot be written: " + lastMessage());
+    if (written != text.size())
+        throw Error(utf8Text(path_) + " cannot be written: the disk is full");
+}
+
 bool isTerminal(std::FILE *stream)
 {
     DWORD mode = 0;

@@ -21,7 +21,7 @@ class JsonReader
 public:
     explicit JsonReader(const std::string &text)
     {
-        document_.Parse(text.data(), text.size());
+        document_.Parse<rapidjson::kParseIterativeFlag>(text.data(), text.size()); // however deep it is nested
         if (document_.HasParseError() || !document_.IsObject())
             throw Error("no JSON object");
     }

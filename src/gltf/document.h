@@ -66,6 +66,8 @@ public:
             return read();
         } catch (const GltfUnsupported &error) {
             throw GltfUnsupported(withPath(error.what()));
+        } catch (const GltfStorageError &error) {
+            throw GltfStorageError(withPath(error.what()));
         } catch (const GltfError &error) {
             throw GltfError(withPath(error.what()));
         } catch (const std::bad_alloc &) {

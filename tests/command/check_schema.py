@@ -46,6 +46,10 @@ with tempfile.TemporaryDirectory() as name:
     unbaked = report("bake", tree, "--exclude-material", "*", "--force")["files"][0]
     assert not unbaked["written"] and len(unbaked["skipped"]) == 2
     report("bake", tree, "--exclude-material", "*", "--require-micromaps", "--force", code=7)
+    log = folder / "log.jsonl"
+    jobs = ["bake", tree, baked, "-o", folder / "logged", "--force", "--log", log, "--resume", log]
+    assert len(report(*jobs)["files"]) == 2
+    assert report(*jobs)["done"] == 2
     report("info", tree, baked)
     report("info", baked, cut, code=1)
     report("inspect", baked, "-o", folder / "page.html", "--material", "leaf")

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Preloaded into a program: the process stops itself before one of the calls that change files, which whoever waits for
-// it sees (WUNTRACED). VELLUM_STOPPED_CALL is the number of that call, from 0. What a program prints does not count:
+// it sees (WUNTRACED). VELLUM_STOPPED_CALL is the number of that call, from 0; -1 for none. VELLUM_WRITE_ERROR is the
+// error of every write of more than 1 KiB to a file, VELLUM_ACCESS_ERROR that of every question whether a folder can be
+// written. What a program prints does not count:
 // the C library does not call its own write() by this name, and what write() gets must be a file.
+#include <cerrno>
 #include <csignal>
 #include <cstdlib>
 #include <dlfcn.h>
@@ -19,6 +22,15 @@ void stopAtCall()
         raise(SIGSTOP);
 }
 
+// Sets errno to the value of a variable. Returns false if there is none.
+bool failsBy(const char *variable)
+{
+    const char *const error = std::getenv(variable);
+    if (error != nullptr)
+        errno = std::atoi(error);
+    return error != nullptr;
+}
+
 template <typename Function>
 Function *next(Function *, const char *name)
 {
@@ -34,9 +46,19 @@ ssize_t write(int file, const void *bytes, size_t count)
 {
     struct stat status {
     };
-    if (fstat(file, &status) == 0 && S_ISREG(status.st_mode))
+    if (fstat(file, &status) == 0 && S_ISREG(status.st_mode)) {
         stopAtCall();
+        if (count > 1024 && failsBy("VELLUM_WRITE_ERROR"))
+            return -1;
+    }
     return next(write, "write")(file, bytes, count);
+}
+
+int access(const char *path, int mode)
+{
+    if ((mode & W_OK) != 0 && failsBy("VELLUM_ACCESS_ERROR"))
+        return -1;
+    return next(access, "access")(path, mode);
 }
 
 int linkat(int fromFolder, const char *from, int toFolder, const char *to, int flags)

@@ -2,15 +2,18 @@
 // `vellum bake`: its options, what it bakes, and mistakes in what it excludes.
 #pragma once
 
+#include <algorithm>
 #include <filesystem>
 #include <functional>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "gltf/micromaps/document_bake.h"
 #include "gltf/micromaps/file_bake.h"
+#include "job/shard.h"
 
 namespace CLI
 {
@@ -22,6 +25,10 @@ namespace vellum::cli
 
 struct BakeCommandOptions {
     std::vector<std::filesystem::path> inputs;   // files and folders; "-" is stdin
+    std::optional<std::filesystem::path> files;  // a list of files, in place of them; "-" is stdin
+    std::optional<job::Shard> shard;             // bakes only these
+    std::optional<std::filesystem::path> log;    // gets a line for each file
+    std::vector<std::filesystem::path> resume;   // earlier logs: what is done is not baked again
     std::optional<std::filesystem::path> output; // "-" is stdout
     FileBakeOptions bake;
     unsigned threads = 0; // 0: one for each processor
@@ -31,6 +38,11 @@ struct BakeCommandOptions {
     bool table = false;
     bool json = false;
     bool quiet = false;
+
+    [[nodiscard]] unsigned threadCount() const
+    {
+        return threads != 0 ? threads : std::max(1u, std::thread::hardware_concurrency());
+    }
 };
 
 // Declares the options that say how to bake, for every command that bakes. The function that is returned completes
@@ -47,10 +59,12 @@ struct BakeJob {
     std::filesystem::path input;
     std::filesystem::path output;
     std::string problem; // why it cannot be baked; empty if it can
+    uint64_t bytes = 0;  // of the input and the files that it names
 };
 
 // Plans the bakes and their outputs. Throws UsageError if that is unclear or two outputs are the same file. A job gets
-// a problem if it would replace a file that another one reads or writes, or one that vellum did not write.
+// a problem if it would replace a file that another one reads or writes, or one that vellum did not write. All files
+// are planned, and of a shard its own are returned.
 std::vector<BakeJob> planBake(const BakeCommandOptions &options);
 
 // Bakes all files and prints the report. Returns the exit code.

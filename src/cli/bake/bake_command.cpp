@@ -2,13 +2,15 @@
 #include "cli/bake/bake.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
+#include <map>
 #include <mutex>
 #include <numeric>
 #include <optional>
-#include <thread>
 
 #include "base/error.h"
+#include "base/files.h"
 #include "base/process.h"
 #include "base/progress.h"
 #include "base/text.h"
@@ -17,30 +19,98 @@
 #include "cli/base/files.h"
 #include "core/parallel.h"
 #include "core/utf8_path.h"
+#include "gltf/file/gltf_error.h"
+#include "job/log.h"
 
 namespace vellum::cli
 {
 namespace
 {
 
-constexpr const char *kNotBaked = "not baked: interrupted";
+namespace fs = std::filesystem;
+
+// Why no file can be written to certain folders: noticed once, for all files that would follow.
+class Storage
+{
+public:
+    // Why the output cannot be written; empty if it can, as far as is known.
+    std::string problemOf(const fs::path &output);
+    // After a GltfStorageError: no other file can be written there.
+    void fail(const fs::path &output, const std::string &reason);
+    // The first problem; empty if there was none.
+    [[nodiscard]] const std::string &firstProblem() const { return first_; }
+
+private:
+    // The folder of a file, or the one in which that would be made.
+    static fs::path existingFolderOf(const fs::path &file);
+
+    std::mutex mutex_;
+    std::map<uint64_t, std::string> problems_; // by file system
+    std::string first_;
+};
+
+fs::path Storage::existingFolderOf(const fs::path &file)
+{
+    std::error_code error;
+    fs::path folder = fs::absolute(file, error).parent_path();
+    while (!fs::is_directory(folder, error) && folder.has_relative_path())
+        folder = folder.parent_path();
+    return folder;
+}
+
+std::string Storage::problemOf(const fs::path &output)
+{
+    const fs::path folder = existingFolderOf(output);
+    const auto id = idOf(folder);
+    const std::string unwritable = problemOfFolder(folder);
+    const std::lock_guard lock(mutex_);
+    const auto known = id ? problems_.find(id->first) : problems_.end();
+    const std::string problem = known != problems_.end() ? known->second
+                                : unwritable.empty()     ? ""
+                                                         : utf8Text(folder) + " cannot be written: " + unwritable;
+    if (first_.empty())
+        first_ = problem;
+    return problem;
+}
+
+void Storage::fail(const fs::path &output, const std::string &reason)
+{
+    const auto id = idOf(existingFolderOf(output));
+    const std::lock_guard lock(mutex_);
+    if (id)
+        problems_.try_emplace(id->first, reason);
+    if (first_.empty())
+        first_ = reason;
+}
+
+struct BakeRun {
+    std::vector<BakeFileReport> reports;
+    size_t done = 0;      // files that earlier logs have as done
+    std::string stopped;  // why files could not be written; empty if they could
+    std::string logError; // empty if there is none
+};
 
 // Bakes files on several threads: many files at a time, and the last ones with several threads each.
 class Bakery
 {
 public:
-    Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs, UnmatchedExclusions &exclusions);
-    std::vector<BakeFileReport> run();
+    // `log` may be null.
+    Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs, UnmatchedExclusions &exclusions,
+           job::Log *log);
+    BakeRun run();
 
 private:
     void bakeNext(size_t i);
     BakeFileReport bakeOne(size_t job, unsigned threads);
     void report(size_t job, double share);
+    void log(const BakeFileReport &report, uint64_t milliseconds);
 
     const BakeCommandOptions &options_;
     UnmatchedExclusions &exclusions_;
     std::vector<BakeJob> jobs_;
-    std::vector<BakeFileReport> reports_;
+    job::Log *log_;
+    Storage storage_;
+    BakeRun result_;
     std::vector<double> bytes_; // of the inputs
     std::vector<size_t> order_; // the largest first
     unsigned threads_;
@@ -51,15 +121,14 @@ private:
     std::vector<double> shares_; // of each file, done
 };
 
-Bakery::Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs, UnmatchedExclusions &exclusions)
-    : options_(options), exclusions_(exclusions), jobs_(std::move(jobs)), reports_(jobs_.size()), order_(jobs_.size()),
-      threads_(options.threads != 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency())),
-      progress_("baking"), shares_(jobs_.size())
+Bakery::Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs, UnmatchedExclusions &exclusions,
+               job::Log *log)
+    : options_(options), exclusions_(exclusions), jobs_(std::move(jobs)), log_(log), order_(jobs_.size()),
+      threads_(options.threadCount()), progress_("baking"), shares_(jobs_.size())
 {
+    result_.reports.resize(jobs_.size());
     for (const BakeJob &job : jobs_) {
-        std::error_code error;
-        const auto bytes = std::filesystem::file_size(job.input, error);
-        bytes_.push_back(error ? 1.0 : 1.0 + static_cast<double>(bytes));
+        bytes_.push_back(1.0 + static_cast<double>(job.bytes));
         total_ += bytes_.back();
     }
     std::iota(order_.begin(), order_.end(), size_t{0});
@@ -92,10 +161,18 @@ BakeFileReport Bakery::bakeOne(size_t job, unsigned threads)
         return report;
     };
     const std::string prefix = utf8Text(jobs_[job].input) + ": ";
+    const auto notBaked = [&](const std::string &reason) {
+        BakeFileReport report = failed(prefix + "not baked: " + reason);
+        report.ended = false;
+        return report;
+    };
     if (Interruptible::interrupted())
-        return failed(prefix + kNotBaked);
+        return notBaked("interrupted");
     if (!jobs_[job].problem.empty())
         return failed(prefix + jobs_[job].problem);
+    if (!options.sink)
+        if (const std::string problem = storage_.problemOf(jobs_[job].output); !problem.empty())
+            return notBaked(problem);
     options.measure = true;
     try {
         const Document document = openDocument(jobs_[job].input);
@@ -103,9 +180,12 @@ BakeFileReport Bakery::bakeOne(size_t job, unsigned threads)
         noted = true;
         return reportOf(jobs_[job], bakeFile(document, jobs_[job].output, options));
     } catch (const BakeCancelled &) {
-        return failed(prefix + kNotBaked);
+        return notBaked("interrupted");
     } catch (const std::bad_alloc &) {
         return failed(prefix + "out of memory");
+    } catch (const GltfStorageError &error) {
+        storage_.fail(jobs_[job].output, std::string(error.what()).substr(prefix.size()));
+        return failed(error.what());
     } catch (const GltfError &error) {
         return failed(error.what());
     } catch (const std::exception &error) {
@@ -118,23 +198,72 @@ void Bakery::bakeNext(size_t i)
     const size_t left = order_.size() - i;
     const unsigned threads = left >= threads_ ? 1 : threads_ / static_cast<unsigned>(left);
     const size_t job = order_[i];
-    reports_[job] = bakeOne(job, threads);
+    const auto begin = std::chrono::steady_clock::now();
+    result_.reports[job] = bakeOne(job, threads);
+    const auto passed = std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::steady_clock::now() - begin);
+    log(result_.reports[job], static_cast<uint64_t>(passed.count()));
     report(job, 1);
 }
 
-std::vector<BakeFileReport> Bakery::run()
+void Bakery::log(const BakeFileReport &report, uint64_t milliseconds)
+{
+    if (log_ == nullptr || !report.ended)
+        return;
+    const bool failed = !report.error.empty() || !report.failure.empty();
+    const char *status = failed ? job::kFailed : report.primitives.empty() ? job::kUnchanged : job::kBaked;
+    try {
+        log_->add({report.job.input, report.job.output, status, report.inputBytes, report.outputBytes, milliseconds,
+                   report.error.empty() ? report.failure : report.error});
+    } catch (const Error &error) {
+        const std::lock_guard lock(reporting_);
+        result_.logError = error.what();
+    }
+}
+
+BakeRun Bakery::run()
 {
     struct NoState {
     };
     inParallel<NoState>(threads_, jobs_.size(), [this](size_t i, NoState &) { bakeNext(i); });
-    return std::move(reports_);
+    result_.stopped = storage_.firstProblem();
+    return std::move(result_);
 }
 
-std::vector<BakeFileReport> bakeAll(const BakeCommandOptions &options, UnmatchedExclusions &exclusions)
+// Removes the jobs that earlier logs have as done, and logs that.
+void removeDone(const BakeCommandOptions &options, std::vector<BakeJob> &jobs, job::Log *log)
+{
+    job::DoneFiles done;
+    for (const fs::path &path : options.resume)
+        done.add(path);
+    std::erase_if(jobs, [&](const BakeJob &job) {
+        if (!done.contains(job.input, job.output))
+            return false;
+        std::error_code error;
+        const uintmax_t bytes = fs::file_size(job.output, error);
+        if (log != nullptr)
+            log->add(
+                {.input = job.input, .output = job.output, .status = job::kSkipped, .outputBytes = error ? 0 : bytes});
+        return true;
+    });
+}
+
+BakeRun bakeAll(const BakeCommandOptions &options, UnmatchedExclusions &exclusions)
 {
     std::vector<BakeJob> jobs = planBake(options);
+    std::optional<job::Log> log;
+    if (options.log)
+        log.emplace(*options.log);
+    job::Log *const logging = log ? &*log : nullptr;
+    const size_t planned = jobs.size();
+    removeDone(options, jobs, logging);
+    const size_t done = planned - jobs.size();
+    // Other files may have a match.
+    if (options.shard || done != 0)
+        exclusions.noteUnread();
     const Interruptible interruptible;
-    return Bakery(options, std::move(jobs), exclusions).run();
+    BakeRun run = Bakery(options, std::move(jobs), exclusions, logging).run();
+    run.done = done;
+    return run;
 }
 
 // Prints errors and problems to stderr, a line each.
@@ -178,13 +307,18 @@ int bakeCommand(BakeCommandOptions &options)
     if (options.quiet && !options.json)
         discardReports();
     UnmatchedExclusions exclusions(options.bake);
-    const std::vector<BakeFileReport> reports = bakeAll(options, exclusions);
+    const BakeRun run = bakeAll(options, exclusions);
+    const std::vector<BakeFileReport> &reports = run.reports;
     if (options.json)
-        printJson(reports, options.dryRun);
+        printJson(reports, run.done, options.dryRun);
     else if (options.table)
         printTable(reports);
     else
         printLines(reports);
+    if (!options.json && run.done != 0)
+        std::printf("%s done before\n", counted(run.done, "file was", "files were").c_str());
+    if (!options.json && run.done == 0 && reports.empty())
+        std::printf("no file is in this shard\n");
     if (options.dryRun && !options.json)
         std::printf("nothing was written (--dry-run)\n");
     const auto unchanged = std::count_if(reports.begin(), reports.end(), [](const BakeFileReport &report) {
@@ -194,16 +328,26 @@ int bakeCommand(BakeCommandOptions &options)
         std::printf("%s not written, as nothing is baked; --copy writes copies of such inputs\n",
                     counted(static_cast<size_t>(unchanged), "output was", "outputs were").c_str());
     std::fflush(stdout);
-    const ExitCode code = printProblems(options, reports);
-    if (!Interruptible::interrupted()) {
-        exclusions.print();
-        return static_cast<int>(code);
+    ExitCode code = printProblems(options, reports);
+    if (!run.logError.empty()) {
+        std::fprintf(stderr, "vellum: %s\n", run.logError.c_str());
+        code = worse(code, ExitCode::Failed);
     }
     const auto baked = std::count_if(reports.begin(), reports.end(),
                                      [](const BakeFileReport &report) { return report.error.empty(); });
-    std::fprintf(stderr, "vellum: interrupted: %zu of %zu files were baked\n", static_cast<size_t>(baked),
-                 reports.size());
-    Interruptible::die();
+    const auto printStop = [&](const std::string &reason) {
+        std::fprintf(stderr, "vellum: %s: %zu of %zu files were baked\n", reason.c_str(), static_cast<size_t>(baked),
+                     reports.size());
+    };
+    if (Interruptible::interrupted()) {
+        printStop("interrupted");
+        Interruptible::die();
+    }
+    if (reports.size() > 1 &&
+        std::any_of(reports.begin(), reports.end(), [](const BakeFileReport &report) { return !report.ended; }))
+        printStop("stopped: " + run.stopped);
+    exclusions.print();
+    return static_cast<int>(code);
 }
 
 } // namespace vellum::cli

@@ -13,6 +13,7 @@
 #include "cli/options/commands.h"
 #include "cli/options/options.h"
 #include "core/curve.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -30,7 +31,20 @@ skipped loses its micromap. Where nothing is baked and nothing changes, no outpu
 Without OUT, NAME.omm.glb is written beside the input. OUT can be a folder; several inputs, and folders, need -o FOLDER.
 Folders are searched recursively, and files keep their place below the output folder. Inputs are never modified. Outputs
 appear whole or not at all. An existing file is replaced only if vellum bake wrote it, or with --force. After Ctrl-C or
-SIGTERM the files that are done stay and are reported, the others are listed, and the command ends by the signal.
+SIGTERM the files that are done stay and are reported, the others are listed, and the command ends by the signal. Where
+the disk is full or read-only, or a folder cannot be written, the files that would go there are not baked but listed.
+
+--files takes many files: INPUT, or INPUT and OUTPUT with a tab between them, in each line. Without OUTPUT, the output is
+in the folder of -o, or beside the input.
+
+--shard K/N bakes part K of N, on each of N machines another one. From the largest to the smallest, with the files that
+they name, and by name where they are equal, each file goes to the part with the fewest bytes so far. The parts
+therefore depend on the names and sizes of the files only, which must be the same on all machines.
+
+--log appends a line whenever a file has ended: a JSON object with input, output, status (baked, unchanged, failed or
+skipped), bytes, outputBytes, milliseconds and message. Many processes may write one log, and cat merges logs. --resume
+skips the files that a log has as done: its last line of them is not failed, and the output, if one was written, exists,
+whatever is in it. After changing inputs or options, start a new log. Both may be the same file.
 
 A .glb stays a .glb. A .gltf stays a .gltf: its micromaps go into NAME.omm-DIGEST.bin beside it, and the files that it
 names are copied if the output is in another folder.
@@ -46,6 +60,8 @@ Examples:
       no finer than level 5, and at most 2 MiB of micromaps
   vellum bake house.gltf -o out/ --blend --exclude-material 'glass*'
       alphaMode BLEND as well, but not glass
+  vellum bake --files list.txt -o baked/ --shard 2/8 --log 2.jsonl --resume 2.jsonl
+      the second of eight parts; the same command goes on where it was interrupted
   vellum bake - - < tree.glb > tree.omm.glb
       as a filter
 )";
@@ -58,18 +74,31 @@ struct RawBakeOptions {
     bool exact = false;
 };
 
+struct RawJobOptions {
+    std::string shard;
+};
+
 const std::map<std::string, TwoStateRule> kRules = {{"nearest", TwoStateRule::Nearest},
                                                     {"opaque", TwoStateRule::UnknownIsOpaque},
                                                     {"transparent", TwoStateRule::UnknownIsTransparent}};
 
-void declareFiles(CLI::App &command, BakeCommandOptions &options)
+void declareFiles(CLI::App &command, BakeCommandOptions &options, RawJobOptions &raw)
 {
     command.option_defaults()->group(kInput);
     command
         .add_option("IN", options.inputs,
                     "glTF files (.glb, .gltf) or folders of them; of two operands the second is OUT")
-        ->type_name("IN... [OUT]")
-        ->required();
+        ->type_name("[IN... [OUT]]");
+    command
+        .add_option("--files", options.files,
+                    "Bake the files of this list instead: INPUT or INPUT<TAB>OUTPUT a line; - is stdin")
+        ->type_name("LIST");
+    command.add_option("--shard", raw.shard, "Bake the files of part K of N only, of about equal bytes, as 2/8")
+        ->type_name("K/N");
+    command
+        .add_option("--resume", options.resume, "Skip what this log has as done and whose output exists; repeatable")
+        ->allow_extra_args(false)
+        ->type_name("LOG");
     command.option_defaults()->group(kOutput);
     command.add_option("-o,--output", options.output, "Output file or folder [NAME.omm.glb beside the input]")
         ->type_name("OUT");
@@ -83,6 +112,9 @@ void declareFiles(CLI::App &command, BakeCommandOptions &options)
                      "Where no primitive of a file gets a micromap, write nothing and exit with 7");
     command.add_flag("-v,--verbose,--report", options.table, "Print a table of what each primitive got");
     command.add_flag("--json", options.json, "Print the report as JSON");
+    command
+        .add_option("--log", options.log, "Append a line of JSON to this file whenever a file is done or has failed")
+        ->type_name("LOG");
     command.option_defaults()->group(kGeneral);
     command.add_flag("-q,--quiet", options.quiet, "Print errors only");
     command.add_option("-j,--threads", options.threads, "Number of threads [one for each processor]")
@@ -174,6 +206,17 @@ void splitOperands(BakeCommandOptions &options)
 
 void checkTogether(const BakeCommandOptions &options)
 {
+    if (options.inputs.empty() && !options.files)
+        throw UsageError("IN is required: files, folders, or --files LIST");
+    if (!options.inputs.empty() && options.files)
+        throw UsageError("IN and --files exclude each other");
+    if (options.files && options.output == "-")
+        throw UsageError("--files needs an output folder, not stdout");
+    if (options.log && options.dryRun)
+        throw UsageError("--log and --dry-run exclude each other");
+    if (options.log &&
+        (isStandardStream(*options.log) || suffixOf(*options.log) == ".glb" || suffixOf(*options.log) == ".gltf"))
+        throw UsageError("--log must be a file of its own, got " + utf8Text(*options.log));
     if (options.table && options.json)
         throw UsageError("--report and --json exclude each other");
     if (options.json && options.output == "-")
@@ -232,10 +275,13 @@ std::function<int()> declareBakeCommand(CLI::App &app)
     CLI::App &command = *app.add_subcommand("bake", "Bakes opacity micromaps into glTF files");
     command.footer(kBakeDetails +
                    exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage, ExitCode::NoMicromaps}));
-    declareFiles(command, *options);
+    const auto raw = std::make_shared<RawJobOptions>();
+    declareFiles(command, *options, *raw);
     const std::function<void()> finish = declareBaking(command, options->bake);
-    return [options, finish] {
+    return [options, raw, finish] {
         finish();
+        if (!raw->shard.empty())
+            options->shard = job::parseShard(raw->shard);
         splitOperands(*options);
         checkTogether(*options);
         return bakeCommand(*options);

@@ -9,12 +9,14 @@
 #include "base/text.h"
 #include "cli/bake/bake.h"
 #include "cli/base/files.h"
+#include "core/parallel.h"
 #include "core/utf8_path.h"
 #include "gltf/file/container.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/output_files.h"
 #include "gltf/micromaps/document_writer.h"
 #include "gltf/primitive.h"
+#include "job/file_list.h"
 
 namespace vellum::cli
 {
@@ -45,7 +47,7 @@ bool isReplaceable(const BakeJob &job)
     if (isStandardStream(job.output) || !fs::exists(job.output, error) || sameBytes(job.input, job.output))
         return true;
     try {
-        const Container container = readContainer(job.output);
+        const Container container = readJson(job.output);
         return hasOwnMicromaps(JsonTree(container.json()).root());
     } catch (const GltfError &) {
         return false;
@@ -67,11 +69,14 @@ void checkDistinct(const std::vector<BakeJob> &jobs)
 class Conflicts
 {
 public:
-    Conflicts(const std::vector<BakeJob> &jobs, bool force);
+    Conflicts(const std::vector<BakeJob> &jobs, const BakeCommandOptions &options);
     // Why this job, the next one in order, cannot be baked; empty if it can.
     std::string problemOf(size_t number);
+    // The bytes of its input and the files that this names.
+    [[nodiscard]] uint64_t bytesOf(size_t number) const;
 
 private:
+    void readJob(size_t number);
     void addRead(const fs::path &path, const fs::path &input);
 
     const std::vector<BakeJob> &jobs_;
@@ -92,27 +97,48 @@ void Conflicts::addRead(const fs::path &path, const fs::path &input)
         reads_.try_emplace(*id, input);
 }
 
-Conflicts::Conflicts(const std::vector<BakeJob> &jobs, bool force)
-    : jobs_(jobs), force_(force), beside_(jobs.size()), problems_(jobs.size())
+Conflicts::Conflicts(const std::vector<BakeJob> &jobs, const BakeCommandOptions &options)
+    : jobs_(jobs), force_(options.force), beside_(jobs.size()), problems_(jobs.size())
 {
+    struct NoState {
+    };
+    inParallel<NoState>(options.threadCount(), jobs.size(), [this](size_t i, NoState &) { readJob(i); });
     for (const BakeJob &job : jobs)
         addRead(job.input, job.input);
-    for (size_t i = 0; i < jobs.size(); ++i) {
-        std::optional<Container> container;
-        try {
-            container = readContainer(jobs[i].input);
-        } catch (const GltfError &) {
-            continue; // the bake reports it
-        }
-        try {
-            const JsonTree tree(container->json());
-            beside_[i] = filesBeside(tree.root(), jobs[i].input, jobs[i].output);
-        } catch (const GltfError &error) {
-            problems_[i] = error.what();
-        }
+    for (size_t i = 0; i < jobs.size(); ++i)
         for (const fs::path &file : beside_[i].read)
             addRead(file, jobs[i].input);
+}
+
+void Conflicts::readJob(size_t number)
+{
+    const BakeJob &job = jobs_[number];
+    std::optional<Container> container;
+    try {
+        container = readJson(job.input);
+    } catch (const GltfError &) {
+        return; // the bake reports it
     }
+    try {
+        const JsonTree tree(container->json());
+        beside_[number] = filesBeside(tree.root(), job.input, job.output);
+    } catch (const GltfError &error) {
+        problems_[number] = error.what();
+    }
+}
+
+uint64_t Conflicts::bytesOf(size_t number) const
+{
+    uint64_t bytes = 0;
+    const auto add = [&](const fs::path &file) {
+        std::error_code error;
+        const uintmax_t size = fs::file_size(file, error);
+        bytes += error ? 0 : size;
+    };
+    add(jobs_[number].input);
+    for (const fs::path &file : beside_[number].read)
+        add(file);
+    return bytes;
 }
 
 std::string Conflicts::problemOf(size_t number)
@@ -142,6 +168,51 @@ std::string Conflicts::problemOf(size_t number)
     return "";
 }
 
+std::vector<BakeJob> listedJobs(const BakeCommandOptions &options)
+{
+    const fs::path &list = *options.files;
+    const std::string name = utf8Text(list);
+    std::string text;
+    if (isStandardStream(list)) {
+        const std::vector<uint8_t> bytes = readStdin();
+        text.assign(bytes.begin(), bytes.end());
+    } else {
+        text = readFile(list);
+    }
+    std::vector<BakeJob> jobs;
+    for (const job::ListedFile &file : job::parseFileList(text, name)) {
+        const auto reject = [&](const std::string &what) { throw UsageError(job::lineError(name, file.line, what)); };
+        std::error_code ignored;
+        if (isStandardStream(file.input) || file.output == "-")
+            reject("a list has no standard streams (-)");
+        if (fs::is_directory(file.input, ignored))
+            reject(utf8Text(file.input) + " is a folder; a list has files");
+        jobs.push_back({.input = file.input,
+                        .output = file.output      ? outputFor(file.output, file.input)
+                                  : options.output ? *options.output / file.input.filename()
+                                                   : besideInput(file.input)});
+        try {
+            checkSuffix(jobs.back().output, {".glb", ".gltf", suffixOf(file.input)});
+        } catch (const UsageError &error) {
+            reject(error.what());
+        }
+    }
+    return jobs;
+}
+
+std::vector<BakeJob> jobsOf(const job::Shard &shard, const std::vector<BakeJob> &jobs)
+{
+    std::vector<job::Weighted> all;
+    for (const BakeJob &job : jobs)
+        all.push_back({utf8Text(job.output), job.bytes + 1}); // so that files without bytes are divided, too
+    const std::vector<uint32_t> shards = job::shardOfEach(all, shard.count);
+    std::vector<BakeJob> own;
+    for (size_t i = 0; i < jobs.size(); ++i)
+        if (shards[i] == shard.number)
+            own.push_back(jobs[i]);
+    return own;
+}
+
 } // namespace
 
 std::vector<BakeJob> planBake(const BakeCommandOptions &options)
@@ -149,41 +220,45 @@ std::vector<BakeJob> planBake(const BakeCommandOptions &options)
     std::error_code ignored;
     const bool anyFolder = std::any_of(options.inputs.begin(), options.inputs.end(),
                                        [&](const fs::path &input) { return fs::is_directory(input, ignored); });
-    const bool several = options.inputs.size() > 1 || anyFolder;
-    if (several && !options.output)
+    const bool several = options.inputs.size() > 1 || anyFolder || options.files;
+    if (several && !options.output && !options.files)
         throw UsageError("several inputs need an output folder: -o FOLDER");
     const bool toFolder =
         options.output && (several || !options.output->has_filename() || fs::is_directory(*options.output, ignored));
     if (toFolder && fs::exists(*options.output, ignored) && !fs::is_directory(*options.output, ignored))
         throw UsageError(utf8Text(*options.output) + " is a file, and several inputs need an output folder");
     const fs::path output = toFolder ? fs::weakly_canonical(*options.output, ignored) : fs::path();
-    if (toFolder && isStandardStream(options.inputs.front()))
+    if (toFolder && !options.inputs.empty() && isStandardStream(options.inputs.front()))
         throw UsageError("stdin needs an output file, not a folder");
     if (options.output && !toFolder)
         checkSuffix(*options.output, {".glb", ".gltf", suffixOf(options.inputs.front())});
     std::vector<BakeJob> jobs;
+    if (options.files)
+        jobs = listedJobs(options);
     for (const fs::path &input : options.inputs) {
         if (fs::is_directory(input, ignored)) {
             // Outputs below the folder are not baked again. A folder that is its own output fails file by file.
             const fs::path folder = fs::weakly_canonical(input, ignored);
             const bool within = output != folder && isInside(output, folder);
             for (const fs::path &file : gltfFilesIn(input, within ? output : fs::path()))
-                jobs.push_back({file, *options.output / file.lexically_relative(input), {}});
+                jobs.push_back({.input = file, .output = *options.output / file.lexically_relative(input)});
         } else {
-            jobs.push_back({input,
-                            toFolder         ? *options.output / input.filename()
-                            : options.output ? *options.output
-                                             : besideInput(input),
-                            {}});
+            jobs.push_back({.input = input,
+                            .output = toFolder         ? *options.output / input.filename()
+                                      : options.output ? *options.output
+                                                       : besideInput(input)});
         }
     }
     if (jobs.empty())
-        throw Error(utf8Text(options.inputs.front()) + " has no .glb or .gltf files");
+        throw Error(options.files ? utf8Text(*options.files) + " lists no files"
+                                  : utf8Text(options.inputs.front()) + " has no .glb or .gltf files");
     checkDistinct(jobs);
-    Conflicts conflicts(jobs, options.force);
-    for (size_t i = 0; i < jobs.size(); ++i)
+    Conflicts conflicts(jobs, options);
+    for (size_t i = 0; i < jobs.size(); ++i) {
+        jobs[i].bytes = conflicts.bytesOf(i);
         jobs[i].problem = conflicts.problemOf(i);
-    return jobs;
+    }
+    return options.shard ? jobsOf(*options.shard, jobs) : jobs;
 }
 
 void UnmatchedExclusions::note(const Document &document)

@@ -270,11 +270,13 @@ void printTable(const std::vector<BakeFileReport> &files)
     }
 }
 
-void printJson(const std::vector<BakeFileReport> &files, bool dryRun)
+void printJson(const std::vector<BakeFileReport> &files, size_t done, bool dryRun)
 {
     JsonWriter json;
     beginReport(json, "bake");
     json.member("dryRun", dryRun);
+    if (done != 0)
+        json.member("done", done);
     json.list("files", files, [&](const BakeFileReport &file) { write(file, json); });
     fmt::print("{}\n", json.end().text());
 }

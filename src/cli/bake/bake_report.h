@@ -30,6 +30,7 @@ struct BakedReport {
 struct BakeFileReport {
     BakeJob job;
     std::string error; // in one line; empty if the file was baked. Everything below is empty otherwise
+    bool ended = true; // false: it was not baked because of an interruption or a full disk
     // Why no primitive was baked although some should have been: something is not supported. Empty if one was.
     std::string failure;
     bool replaced = false;
@@ -50,6 +51,7 @@ std::string skippedText(const BakeFileReport &file);
 
 void printLines(const std::vector<BakeFileReport> &files);
 void printTable(const std::vector<BakeFileReport> &files);
-void printJson(const std::vector<BakeFileReport> &files, bool dryRun);
+// `done`: the number of files that earlier logs have as done.
+void printJson(const std::vector<BakeFileReport> &files, size_t done, bool dryRun);
 
 } // namespace vellum::cli

@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "gltf/file/gltf_error.h"
+#include "gltf/file/input_file.h"
 #include "gltf/file/uri.h"
 
 namespace vellum
@@ -12,31 +13,51 @@ namespace vellum
 namespace
 {
 
-// Checks that all chunks are inside the length that the header announces. Returns where the JSON text is.
-std::pair<size_t, size_t> checkGlb(const std::vector<uint8_t> &bytes)
+constexpr size_t kJsonOffset = kGlbHeaderBytes + kGlbChunkHeaderBytes;
+
+// Checks the chunk at `offset` of a GLB of this length. Returns the offset of the next one.
+size_t endOfChunk(std::span<const uint8_t> bytes, size_t offset, size_t length)
 {
-    if (bytes.size() < kGlbHeaderBytes + kGlbChunkHeaderBytes)
-        throw GltfError("truncated: " + std::to_string(bytes.size()) + " bytes are too short for a GLB header");
+    if (length - offset < kGlbChunkHeaderBytes)
+        throw GltfError("truncated inside a chunk header");
+    const size_t chunk = glbWord(bytes, offset);
+    if (chunk > length - offset - kGlbChunkHeaderBytes)
+        throw GltfError("a GLB chunk of " + std::to_string(chunk) + " bytes ends outside of the file");
+    return offset + kGlbChunkHeaderBytes + chunk;
+}
+
+// Checks the header of a GLB in a file of this size, and its first chunk. `bytes`: at least the first 20 if the file
+// has them. Returns where the JSON text is.
+std::pair<size_t, size_t> checkHeader(std::span<const uint8_t> bytes, uint64_t fileSize)
+{
+    if (fileSize < kJsonOffset)
+        throw GltfError("truncated: " + std::to_string(fileSize) + " bytes are too short for a GLB header");
     if (glbWord(bytes, 4) != 2)
         throw GltfError("GLB version " + std::to_string(glbWord(bytes, 4)) + " is not 2");
     const size_t length = glbWord(bytes, 8);
-    if (length > bytes.size())
+    if (length > fileSize)
         throw GltfError("truncated: the header announces " + std::to_string(length) + " bytes, there are " +
-                        std::to_string(bytes.size()));
-    if (length < kGlbHeaderBytes + kGlbChunkHeaderBytes)
+                        std::to_string(fileSize));
+    if (length < kJsonOffset)
         throw GltfError("truncated: the header announces " + std::to_string(length) + " bytes");
     if (glbWord(bytes, 16) != kGlbJson)
         throw GltfError("the first GLB chunk is not JSON");
-    size_t offset = kGlbHeaderBytes;
-    while (offset < length) {
-        if (length - offset < kGlbChunkHeaderBytes)
-            throw GltfError("truncated inside a chunk header");
-        const size_t chunk = glbWord(bytes, offset);
-        if (chunk > length - offset - kGlbChunkHeaderBytes)
-            throw GltfError("a GLB chunk of " + std::to_string(chunk) + " bytes ends outside of the file");
-        offset += kGlbChunkHeaderBytes + chunk;
-    }
-    return {kGlbHeaderBytes + kGlbChunkHeaderBytes, glbWord(bytes, kGlbHeaderBytes)};
+    return {kJsonOffset, endOfChunk(bytes, kGlbHeaderBytes, length) - kJsonOffset};
+}
+
+// Checks that all chunks are inside the length that the header announces. Returns where the JSON text is.
+std::pair<size_t, size_t> checkGlb(std::span<const uint8_t> bytes)
+{
+    const auto json = checkHeader(bytes, bytes.size());
+    const size_t length = glbWord(bytes, 8);
+    for (size_t offset = json.first + json.second; offset < length;)
+        offset = endOfChunk(bytes, offset, length);
+    return json;
+}
+
+bool isGlb(std::span<const uint8_t> bytes)
+{
+    return bytes.size() >= 4 && glbWord(bytes, 0) == kGlbMagic;
 }
 
 // Parsers walk JSON recursively, where thousands of levels would overflow the stack, and an empty list of 2 bytes takes
@@ -78,9 +99,21 @@ void checkStructure(std::string_view text)
 
 } // namespace
 
-Container readContainer(const std::filesystem::path &path)
+Container readJson(const std::filesystem::path &path)
 {
-    return findContainer(readWholeFile(path));
+    InputFile file(path);
+    checkSize(file);
+    std::vector<uint8_t> start(kJsonOffset);
+    start.resize(file.read(start));
+    if (!isGlb(start))
+        return findContainer(readWholeFile(path));
+    Container container{.bytes = std::move(start), .binary = true};
+    std::tie(container.jsonOffset, container.jsonSize) = checkHeader(container.bytes, file.size());
+    container.bytes.resize(container.jsonOffset + container.jsonSize);
+    if (file.read(std::span(container.bytes).subspan(container.jsonOffset)) != container.jsonSize)
+        throw GltfError("cannot be read");
+    checkStructure(container.json());
+    return container;
 }
 
 Container findContainer(std::vector<uint8_t> file)
@@ -90,7 +123,7 @@ Container findContainer(std::vector<uint8_t> file)
     if (bytes.empty())
         throw GltfError("the file is empty");
     const char *text = reinterpret_cast<const char *>(bytes.data());
-    container.binary = bytes.size() >= 4 && glbWord(bytes, 0) == kGlbMagic;
+    container.binary = isGlb(bytes);
     if (container.binary) {
         std::tie(container.jsonOffset, container.jsonSize) = checkGlb(bytes);
         // Bytes after the announced length belong to no chunk.

@@ -30,8 +30,9 @@ struct Container {
 // Finds the JSON text in the bytes of a file. Throws GltfError, also for chunks that contradict themselves and JSON
 // that no parser should see.
 Container findContainer(std::vector<uint8_t> bytes);
-// Reads a file.
-Container readContainer(const std::filesystem::path &path);
+// Reads a file up to the end of its JSON text: of a GLB the header and the first chunk. The other chunks are not read
+// and not checked. Throws GltfError.
+Container readJson(const std::filesystem::path &path);
 
 constexpr size_t kGlbHeaderBytes = 12;     // magic, version, length
 constexpr size_t kGlbChunkHeaderBytes = 8; // length, type

@@ -21,4 +21,11 @@ public:
     using GltfError::GltfError;
 };
 
+// The file system of an output is full or read-only: no other file can be written there either.
+class GltfStorageError : public GltfError
+{
+public:
+    using GltfError::GltfError;
+};
+
 } // namespace vellum

@@ -19,7 +19,7 @@ class JsonTree
 {
 public:
     // Parses `text`, which must outlive the tree. A byte order mark in front and anything behind the value (the padding
-    // of a GLB's chunk) are left alone. Nesting must be bounded (readContainer sees to that). Throws GltfError.
+    // of a GLB's chunk) are left alone. Nesting must be bounded (findContainer sees to that). Throws GltfError.
     explicit JsonTree(std::string_view text);
 
     [[nodiscard]] std::string_view text() const { return text_; }

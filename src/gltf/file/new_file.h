@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A file that is written under no name, or a hidden one, and then gets its name. Each system does that in its own way.
-// Every function throws GltfError, with the path in front.
+// Every function throws GltfError, with the path in front; GltfStorageError where no file can be written.
 #pragma once
 
 #include <cstdint>

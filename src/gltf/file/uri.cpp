@@ -101,8 +101,6 @@ std::vector<std::filesystem::path> namedFiles(const JsonValue &root)
 namespace
 {
 
-constexpr uintmax_t kMostBytes = 0x7fffffff;
-
 constexpr uint8_t kNoDigit = 64;
 
 constexpr std::array<uint8_t, 256> base64Digits()
@@ -145,8 +143,7 @@ bool isIn(const std::filesystem::path &file, const std::filesystem::path &folder
 
 std::vector<uint8_t> readAll(InputFile &file)
 {
-    if (file.size() > kMostBytes)
-        throw GltfError("larger than 2 GiB");
+    checkSize(file);
     std::vector<uint8_t> bytes(static_cast<size_t>(file.size()));
     if (file.read(bytes) != bytes.size())
         throw GltfError("cannot be read");
@@ -154,6 +151,13 @@ std::vector<uint8_t> readAll(InputFile &file)
 }
 
 } // namespace
+
+void checkSize(const InputFile &file)
+{
+    constexpr uint64_t kMostBytes = 0x7fffffff;
+    if (file.size() > kMostBytes)
+        throw GltfError("larger than 2 GiB");
+}
 
 std::vector<uint8_t> readWholeFile(const std::filesystem::path &path)
 {

@@ -15,6 +15,8 @@
 namespace vellum
 {
 
+class InputFile;
+
 // A file's name as a URI: what is neither a letter, a digit, one of -._~/ nor part of a longer UTF-8 sequence is
 // percent-encoded, bytes that are not UTF-8 among them.
 std::string encodedUri(std::string_view name);
@@ -32,6 +34,9 @@ std::vector<std::filesystem::path> namedFiles(const JsonValue &root);
 // Throws GltfError, without the path, for anything but a regular file of at most 2 GiB: a directory, a pipe or a device
 // is never opened.
 std::vector<uint8_t> readWholeFile(const std::filesystem::path &path);
+
+// Throws GltfError for a file of more than 2 GiB.
+void checkSize(const InputFile &file);
 
 // The file that a URI means, relative to `folder`, whether it is there or not. Throws GltfUnsupported for a URI that is
 // not a path below that folder: a file that was found somewhere should not be able to name any other on the machine.

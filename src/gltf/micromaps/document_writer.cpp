@@ -24,7 +24,7 @@ constexpr const char *kExtension = kMicromapExtension;
 // Marks the extension of files that were written here, in its "extras".
 constexpr const char *kGenerator = "vellum";
 constexpr const char *kEarlier = kMicromapExtensions[1];
-constexpr size_t kMostBytes = 0x7fffffff; // the limit of readContainer
+constexpr size_t kMostBytes = 0x7fffffff; // the limit of readWholeFile
 // The alignment that Vulkan requires of the addresses of both inputs of a micromap build
 // (VUID-vkCmdBuildMicromapsEXT-pInfos-07515): a buffer can be used as it was loaded.
 constexpr size_t kBuildAlignment = 256;

@@ -16,7 +16,10 @@ namespace
 
 [[noreturn]] void failAt(const std::filesystem::path &path, const std::string &what, int error)
 {
-    throw GltfError(path.string() + ": " + what + ": " + std::strerror(error));
+    const std::string message = path.string() + ": " + what + ": " + std::strerror(error);
+    if (error == ENOSPC || error == EDQUOT || error == EROFS)
+        throw GltfStorageError(message);
+    throw GltfError(message);
 }
 
 // `file` is a temporary name, or one of /proc for a file without a name.

@@ -15,8 +15,12 @@ namespace
 
 [[noreturn]] void failAt(const std::filesystem::path &path, const std::string &what)
 {
-    const auto error = static_cast<int>(GetLastError());
-    throw GltfError(utf8Text(path) + ": " + what + ": " + std::system_category().message(error));
+    const DWORD error = GetLastError();
+    const std::string message =
+        utf8Text(path) + ": " + what + ": " + std::system_category().message(static_cast<int>(error));
+    if (error == ERROR_DISK_FULL || error == ERROR_HANDLE_DISK_FULL || error == ERROR_WRITE_PROTECT)
+        throw GltfStorageError(message);
+    throw GltfError(message);
 }
 
 HANDLE handleOf(intptr_t file)

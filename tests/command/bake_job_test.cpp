@@ -1,0 +1,302 @@
+// SPDX-License-Identifier: Apache-2.0
+// `vellum bake` of many files: lists, shards, logs, and disks that are full.
+#include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+#include <gtest/gtest.h>
+#include <map>
+#include <set>
+
+#include "command.h"
+#include "glb_file.h"
+#include "gltf/file/container.h"
+#include "gltf/file/gltf_error.h"
+#include "gltf/file/json_tree.h"
+
+using namespace vellum;
+using namespace vellum::test;
+
+namespace
+{
+
+namespace fs = std::filesystem;
+
+const std::pair<std::string, std::string> kOpaque = {"\"alphaMode\": \"MASK\"", "\"alphaMode\": \"OPAQUE\""};
+
+void writeText(const fs::path &path, const std::string &text)
+{
+    writeFile(path, {text.begin(), text.end()});
+}
+
+std::string textOf(const fs::path &path)
+{
+    const Bytes bytes = readFile(path);
+    return {bytes.begin(), bytes.end()};
+}
+
+// The whole lines of a log.
+std::vector<std::string> linesOf(const std::string &text)
+{
+    std::vector<std::string> lines;
+    size_t begin = 0;
+    for (size_t end = text.find('\n'); end != std::string::npos; end = text.find('\n', begin)) {
+        lines.push_back(text.substr(begin, end - begin));
+        begin = end + 1;
+    }
+    EXPECT_EQ(begin, text.size());
+    return lines;
+}
+
+// The status of each file of a log, by the name of its input.
+std::multimap<std::string, std::string> statusesIn(const fs::path &log)
+{
+    std::multimap<std::string, std::string> statuses;
+    for (const std::string &line : linesOf(textOf(log))) {
+        const JsonTree json(line);
+        EXPECT_TRUE(json.root()["output"].string() && json.root()["message"].string()) << line;
+        EXPECT_TRUE(json.root()["bytes"].integer() && json.root()["milliseconds"].integer()) << line;
+        statuses.emplace(fs::path(json.root()["input"].string().value_or("")).filename().string(),
+                         json.root()["status"].string().value_or(""));
+    }
+    return statuses;
+}
+
+using Statuses = std::multimap<std::string, std::string>;
+
+} // namespace
+
+TEST(BakeJob, TakesAList)
+{
+    const TemporaryFolder folder;
+    for (const char *name : {"a.glb", "b.glb", "c.glb", "d.glb"})
+        writeFile(folder / name, cardGlb());
+    const auto path = [&](const char *name) { return (folder / name).string(); };
+    // A byte order mark, CR LF, empty lines, an output, a folder, no end of the last line.
+    const std::string list = "\xef\xbb\xbf" + path("a.glb") + "\t" + path("out/one.glb") + "\r\n\r\n\n" +
+                             path("b.glb") + "\t" + path("sub/") + "\n" + path("c.glb") + "\t\n" + path("d.glb");
+    writeText(folder / "list", list);
+    const Outcome outcome = runVellum({"bake", "--files", path("list")});
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+    for (const char *name : {"out/one.glb", "sub/b.glb", "c.omm.glb", "d.omm.glb"})
+        EXPECT_TRUE(fs::exists(folder / name)) << name;
+    EXPECT_EQ(runVellum({"bake", "--files", "-", "-o", path("all")}, {}, folder / "list").exitCode, 0);
+    EXPECT_TRUE(fs::exists(folder / "all/c.glb"));
+    EXPECT_TRUE(fs::exists(folder / "all/d.glb"));
+    EXPECT_FALSE(fs::exists(folder / "all/a.glb"));
+    EXPECT_EQ(runVellum({"bake", "--files", path("list"), "-o", path("a.glb")}).exitCode, 2);
+    EXPECT_EQ(runVellum({"bake", "--files", path("missing")}).exitCode, 1);
+}
+
+TEST(BakeJob, NamesTheBadLineOfAList)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "a.glb", cardGlb());
+    const std::string a = (folder / "a.glb").string();
+    const std::string out = (folder / "out.glb").string();
+    const std::string zero("x\0y", 3);
+    const std::map<std::string, std::string> cases = {
+        {a + "\t" + out + "\tmore", "more than one tab"},
+        {"\t" + out, "no input"},
+        {zero, "zero byte"},
+        {"-", "standard streams"},
+        {a + "\t-", "standard streams"},
+        {folder.path().string(), "is a folder"},
+        {a + "\t" + (folder / "out.png").string(), "must end in"},
+    };
+    for (const auto &[line, text] : cases) {
+        writeText(folder / "list", a + "\t" + out + "\n\n" + line + "\n");
+        const Outcome outcome = runVellum({"bake", "--files", (folder / "list").string()});
+        EXPECT_EQ(outcome.exitCode, 2) << line;
+        EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
+        EXPECT_NE(outcome.errors.find("list: line 3: "), std::string::npos) << outcome.errors;
+        EXPECT_NE(outcome.errors.find(text), std::string::npos) << outcome.errors;
+        EXPECT_FALSE(fs::exists(out));
+    }
+    writeText(folder / "list", a + "\t" + out + "\n" + a + "\t" + out + "\n");
+    const Outcome twice = runVellum({"bake", "--files", (folder / "list").string()});
+    EXPECT_EQ(twice.exitCode, 2);
+    EXPECT_NE(twice.errors.find("would both be written to"), std::string::npos) << twice.errors;
+    writeText(folder / "list", "\r\n\n");
+    EXPECT_EQ(runVellum({"bake", "--files", (folder / "list").string()}).exitCode, 1);
+}
+
+// Each file is in one shard, whatever the order of the list is, and shards have about equal bytes.
+TEST(BakeJob, ShardsDivideTheFiles)
+{
+    const TemporaryFolder folder;
+    std::string list;
+    std::string reversed;
+    uint64_t all = 0;
+    for (int i = 0; i < 11; ++i) {
+        // Bytes after the chunks belong to no chunk.
+        Bytes glb = cardGlb();
+        glb.resize(glb.size() + static_cast<size_t>(i % 4) * 1000);
+        all += glb.size();
+        const std::string path = (folder / ("f" + std::to_string(i) + ".glb")).string();
+        writeFile(path, glb);
+        list += path + "\n";
+        reversed.insert(0, path + "\n");
+    }
+    writeText(folder / "list", list);
+    writeText(folder / "reversed", reversed);
+    std::set<std::string> seen;
+    for (const char *shard : {"3/3", "1/3", "2/3"}) {
+        std::set<std::string> files[2];
+        for (const char *name : {"list", "reversed"}) {
+            const fs::path out = folder / ("out" + std::string(name) + shard[0]);
+            const Outcome outcome = runVellum(
+                {"bake", "--files", (folder / name).string(), "-o", out.string(), "--shard", shard, "--level", "1"});
+            EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+            uint64_t bytes = 0;
+            for (const fs::directory_entry &entry : fs::directory_iterator(out)) {
+                files[*name == 'l' ? 0 : 1].insert(entry.path().filename().string());
+                bytes += fs::file_size(folder / entry.path().filename());
+            }
+            EXPECT_LT(bytes, all / 3 + cardGlb().size() + 3000);
+            EXPECT_GT(bytes + cardGlb().size() + 3000, all / 3);
+        }
+        EXPECT_EQ(files[0], files[1]);
+        for (const std::string &file : files[0])
+            EXPECT_TRUE(seen.insert(file).second) << file;
+    }
+    EXPECT_EQ(seen.size(), 11u);
+    const Outcome none = runVellum(
+        {"bake", "--files", (folder / "list").string(), "-o", (folder / "none").string(), "--shard", "12/12"});
+    EXPECT_EQ(none.exitCode, 0) << none.errors;
+    EXPECT_FALSE(fs::exists(folder / "none"));
+}
+
+TEST(BakeJob, LogsAndResumes)
+{
+    const TemporaryFolder folder;
+    fs::create_directories(folder / "in");
+    writeFile(folder / "in/a.glb", cardGlb());
+    writeFile(folder / "in/b.glb", cardGlb({kOpaque}));
+    writeFile(folder / "in/c.glb", Bytes{'x'});
+    writeFile(folder / "in/d.glb", cardGlb());
+    const std::string log = (folder / "log.jsonl").string();
+    const std::vector<std::string> bake = {
+        "bake", (folder / "in").string(), "-o", (folder / "out").string(), "--log", log, "--resume", log, "-j", "2"};
+    EXPECT_EQ(runVellum(bake).exitCode, 1);
+    EXPECT_EQ(statusesIn(log),
+              (Statuses{{"a.glb", "baked"}, {"b.glb", "unchanged"}, {"c.glb", "failed"}, {"d.glb", "baked"}}));
+    // Only what failed, and what was written and is no longer there.
+    EXPECT_FALSE(fs::exists(folder / "out/b.glb"));
+    fs::remove(folder / "out/d.glb");
+    fs::remove(log + ".2");
+    writeFile(folder / "in/c.glb", cardGlb());
+    std::vector<std::string> second = bake;
+    second[5] = log + ".2";
+    const Outcome resumed = runVellum(second);
+    EXPECT_EQ(resumed.exitCode, 0) << resumed.errors;
+    EXPECT_NE(resumed.output.find("2 files were done before\n"), std::string::npos) << resumed.output;
+    EXPECT_EQ(statusesIn(log + ".2"),
+              (Statuses{{"a.glb", "skipped"}, {"b.glb", "skipped"}, {"c.glb", "baked"}, {"d.glb", "baked"}}));
+    // Merged by cat, with lines that are cut off, one of them in front of another log. What is skipped is done.
+    writeText(log, textOf(log) + R"({"input":"x)" + textOf(log + ".2") + std::string(100000, '[') + "\n{\"input\":\"" +
+                       std::string(9, '{'));
+    const Outcome merged = runVellum(bake);
+    EXPECT_EQ(merged.exitCode, 0) << merged.errors;
+    EXPECT_NE(merged.output.find("4 files were done before\n"), std::string::npos) << merged.output;
+    std::vector<std::string> asJson = bake;
+    asJson.insert(asJson.end(), {"--json", "--shard", "1/1"});
+    const Outcome reported = runVellum(asJson);
+    EXPECT_EQ(JsonTree(reported.output).root()["done"].integer(), 4) << reported.output;
+    // The next line does not go on in one that is cut off.
+    const Outcome again = runVellum(bake);
+    EXPECT_NE(again.output.find("4 files were done before\n"), std::string::npos) << again.output;
+    EXPECT_NE(textOf(log).find("{{{\n{\"input\""), std::string::npos);
+}
+
+TEST(BakeJob, ALogIsNeverAnotherFile)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "a.glb", cardGlb());
+    writeText(folder / "notes.txt", "notes\n");
+    const std::string a = (folder / "a.glb").string();
+    for (const fs::path &log : {folder / "notes.txt", folder.path(), folder / "none/log"}) {
+        const Outcome outcome = runVellum({"bake", a, "--log", log.string()});
+        EXPECT_EQ(outcome.exitCode, 1) << log;
+        EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
+        EXPECT_FALSE(fs::exists(folder / "a.omm.glb"));
+    }
+    EXPECT_EQ(textOf(folder / "notes.txt"), "notes\n");
+    EXPECT_EQ(runVellum({"bake", a, "--resume", (folder / "missing").string()}).exitCode, 1);
+}
+
+#ifndef _WIN32
+TEST(BakeJob, StopsWhereNothingCanBeWritten)
+{
+    for (const auto &[variable, error] :
+         {std::pair{"VELLUM_WRITE_ERROR", ENOSPC}, {"VELLUM_WRITE_ERROR", EROFS}, {"VELLUM_ACCESS_ERROR", EACCES}}) {
+        const TemporaryFolder folder;
+        fs::create_directories(folder / "in");
+        for (const char *name : {"in/a.glb", "in/b.glb", "in/c.glb"})
+            writeFile(folder / name, cardGlb());
+        const Outcome outcome = runVellum(
+            {"bake", (folder / "in").string(), "-o", (folder / "out").string(), "-j", "1", "--level", "8", "--log",
+             (folder / "log").string()},
+            {{"LD_PRELOAD", VELLUM_STOPPED_CALL}, {"VELLUM_STOPPED_CALL", "-1"}, {variable, std::to_string(error)}});
+        EXPECT_EQ(outcome.exitCode, 1);
+        EXPECT_EQ(outcome.errorLines(), 4) << outcome.errors;
+        EXPECT_NE(outcome.errors.find("c.glb: not baked: "), std::string::npos) << outcome.errors;
+        EXPECT_NE(outcome.errors.find("vellum: stopped: "), std::string::npos) << outcome.errors;
+        EXPECT_NE(outcome.errors.find(std::string(std::strerror(error)) + ": 0 of 3 files were baked\n"),
+                  std::string::npos)
+            << outcome.errors;
+        EXPECT_FALSE(fs::exists(folder / "out"));
+        const Statuses statuses = statusesIn(folder / "log"); // of the file that found it
+        EXPECT_EQ(statuses, error == EACCES ? Statuses{} : (Statuses{{"a.glb", "failed"}}));
+    }
+}
+
+TEST(BakeJob, AnInterruptedBakeHasLoggedWhatIsDone)
+{
+    const TemporaryFolder folder;
+    fs::create_directories(folder / "in");
+    for (const char *name : {"in/a.glb", "in/b.glb"})
+        writeFile(folder / name, cardGlb());
+    const std::string log = (folder / "log").string();
+    const std::vector<std::string> bake = {
+        "bake", (folder / "in").string(), "-o", (folder / "out").string(), "-j", "1", "--log", log, "--resume", log};
+    // Calls of the first file, and the line of the log; then one of the second file.
+    int call = 0;
+    while (interruptVellumAtCall(bake, SIGTERM, call, VELLUM_STOPPED_CALL) && !fs::exists(folder / "out/a.glb"))
+        ++call;
+    EXPECT_EQ(statusesIn(log), (Statuses{{"a.glb", "baked"}}));
+    EXPECT_EQ(runVellum(bake).exitCode, 0);
+    EXPECT_EQ(statusesIn(log), (Statuses{{"a.glb", "baked"}, {"a.glb", "skipped"}, {"b.glb", "baked"}}));
+}
+#endif
+
+TEST(BakeJob, PlanningReadsTheJsonOnly)
+{
+    const TemporaryFolder folder;
+    const Bytes glb = cardGlb();
+    writeFile(folder / "whole.glb", glb);
+    const Container whole = findContainer(glb);
+    const Container json = readJson(folder / "whole.glb");
+    EXPECT_EQ(json.json(), whole.json());
+    EXPECT_EQ(json.bytes.size(), whole.jsonOffset + whole.jsonSize);
+    Bytes cut = glb;
+    cut.pop_back();
+    Bytes wrong = glb;
+    std::memset(wrong.data() + 12, 0xff, 4);
+    for (const Bytes &bytes : {cut, wrong, Bytes{}, Bytes{'g', 'l', 'T', 'F'}}) {
+        writeFile(folder / "bad.glb", bytes);
+        EXPECT_THROW(readJson(folder / "bad.glb"), GltfError);
+    }
+    // So an earlier output is known as such by its JSON, whatever is behind it.
+    const std::vector<std::string> bake = {"bake", (folder / "whole.glb").string()};
+    EXPECT_EQ(runVellum(bake).exitCode, 0);
+    const Bytes baked = readFile(folder / "whole.omm.glb");
+    Bytes damaged = baked;
+    const Container output = findContainer(baked);
+    std::memset(damaged.data() + output.jsonOffset + output.jsonSize, 0xff, 4);
+    writeFile(folder / "whole.omm.glb", damaged);
+    EXPECT_EQ(runVellum(bake).exitCode, 0);
+    EXPECT_EQ(readFile(folder / "whole.omm.glb"), baked);
+    writeCardGltf(folder / "tree.gltf");
+    EXPECT_TRUE(JsonTree(readJson(folder / "tree.gltf").json()).root()["meshes"].exists());
+}
