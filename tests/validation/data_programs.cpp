@@ -128,16 +128,21 @@ void baseTriangle(Gpu &gpu, bool wrong)
     attach(gpu, std::move(attachment));
 }
 
+MicromapInput oneOfTwoTriangles()
+{
+    MicromapInput one = twoTriangles();
+    one.triangles.pop_back();
+    one.declared[0].count = 1;
+    return one;
+}
+
 // A build by the same handle with fewer triangles.
 void indexAfterRebuild(Gpu &gpu, bool wrong)
 {
     Micromap micromap(gpu, twoTriangles());
     micromap.build();
     if (wrong) {
-        MicromapInput one = twoTriangles();
-        one.triangles.pop_back();
-        one.declared[0].count = 1;
-        if (!micromap.setInput(std::move(one)))
+        if (!micromap.setInput(oneOfTwoTriangles()))
             throw std::runtime_error("a smaller micromap needs more memory");
         micromap.build();
     }
@@ -149,10 +154,7 @@ void indexAfterCopy(Gpu &gpu, bool wrong)
 {
     Micromap target(gpu, twoTriangles());
     target.build();
-    MicromapInput one = twoTriangles();
-    one.triangles.pop_back();
-    one.declared[0].count = 1;
-    Micromap source(gpu, wrong ? std::move(one) : twoTriangles());
+    Micromap source(gpu, wrong ? oneOfTwoTriangles() : twoTriangles());
     source.build();
     gpu.submit([&](VkCommandBuffer commands) {
         recordMicromapCopy(gpu, commands, source.handle(), target.handle(), VK_COPY_MICROMAP_MODE_CLONE_EXT);
@@ -165,10 +167,7 @@ void indexAfterDeserialization(Gpu &gpu, bool wrong)
 {
     Micromap target(gpu, twoTriangles());
     target.build();
-    MicromapInput one = twoTriangles();
-    one.triangles.pop_back();
-    one.declared[0].count = 1;
-    Micromap source(gpu, wrong ? std::move(one) : twoTriangles());
+    Micromap source(gpu, wrong ? oneOfTwoTriangles() : twoTriangles());
     source.build();
     const Buffer memory(gpu, 65536, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
     const VkDeviceAddress data = (memory.address() + 255) / 256 * 256;
