@@ -180,7 +180,7 @@ input::PropertyQuery queryOf(const DeviceQueryPools &device, const char *command
         input::PropertyQuery parsed = input::parseQuery(count, handles, type, first);
         rules::PoolFacts poolFacts;
         if (pool)
-            poolFacts = {true, pool->type, pool->count};
+            poolFacts = {.type = pool->type, .count = pool->count};
         const Place place(command);
         rules::checkQuery(InputCheck(device.objects.rules, place), parsed, poolFacts, facts);
         return parsed;

@@ -214,14 +214,18 @@ Found wrongType(const Query &c)
 }
 Found noPool(const Query &c)
 {
-    return when(c.pool.known && c.pool.type == VK_QUERY_TYPE_MAX_ENUM, "it is no query pool, or was destroyed");
+    return when(!c.pool.exists, "it is no query pool, or was destroyed");
 }
 // Pools of both types of micromaps work in the same way.
 Found wrongPool(const Query &c)
 {
     return when(
         c.pool.known && c.pool.type != c.query.type && !noPool(c),
-        [&] { return "it was created with type " + nameOf(c.pool.type) + ", not " + nameOf(c.query.type); },
+        [&] {
+            const bool isKept = c.pool.type != VK_QUERY_TYPE_MAX_ENUM;
+            return "it was created with " + (isKept ? "type " + nameOf(c.pool.type) : "another type") + ", not " +
+                   nameOf(c.query.type);
+        },
         !c.query.khr && isMicromapQuery(c.pool.type) ? Tolerate : Reject);
 }
 Found outsidePool(const Query &c)

@@ -18,7 +18,8 @@ void checkCopy(const InputCheck &check, input::SerializedCopy &copy, const Objec
 
 struct PoolFacts {
     bool known = true;
-    VkQueryType type = VK_QUERY_TYPE_MAX_ENUM; // of no pool
+    bool exists = true;
+    VkQueryType type = VK_QUERY_TYPE_MAX_ENUM; // of pools that the layer does not keep: not one of its types
     uint32_t count = 0;
 };
 // On the device.

@@ -81,7 +81,8 @@ input::PropertyQuery writeProperties(const RuleCheck &command, input::PropertyQu
     const DeviceModel &device = command.device();
     const Pool pool = device.objects.queryPools.get(handle);
     const auto count = static_cast<uint32_t>(query.objects.size());
-    rules::PoolFacts facts{.known = pool || !device.objects.anyUnknown};
+    const bool known = pool || !device.objects.anyUnknown;
+    rules::PoolFacts facts{.known = known, .exists = pool || !known};
     if (pool) {
         facts.type = pool->type;
         facts.count = static_cast<uint32_t>(pool->states.size());
