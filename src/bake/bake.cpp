@@ -500,7 +500,7 @@ BakeResult bake(std::span<const BakeInput> inputs, const BakeOptions &options)
     check(options);
     for (const BakeInput &input : inputs)
         check(input, options);
-    const unsigned threads = options.threads != 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
+    const unsigned threads = threadCount(options.threads);
 
     DistinctTriangles distinct(inputs, options);
     const size_t total = distinct.of.size();

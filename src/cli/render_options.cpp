@@ -152,16 +152,10 @@ void declareQuality(CLI::App &command, RenderOptions &options, RawOptions &raw)
     raw.bakes.push_back(command.add_option("--states", raw.states,
                                            "4: four states, exact. 2: two states, an approximation; bakes them [4]"));
     takesWords(*raw.bakes.back(), {"2", "4"});
-    CLI::Option &blend = *command.add_flag("--blend", options.blend,
-                                           "Bake alphaMode BLEND as well, as vellum bake does; the picture tests it "
-                                           "like a mask in any case; bakes them");
-    raw.bakes.push_back(&blend);
-    command
-        .add_option("--blend-cutoff", options.blendCutoff,
-                    "With --blend: bake and test it with this cutoff [0.5 to test]")
-        ->needs(&blend)
-        ->check(finite())
-        ->type_name("ALPHA");
+    raw.bakes.push_back(&addBlendOptions(command, options.blend, options.blendCutoff,
+                                         "Bake alphaMode BLEND as well, as vellum bake does; the picture tests it "
+                                         "like a mask in any case; bakes them",
+                                         "With --blend: bake and test it with this cutoff [0.5 to test]"));
 }
 
 void declareDevice(CLI::App &command, RenderOptions &options, RawOptions &raw)

@@ -60,8 +60,7 @@ void declareVerify(CLI::App &command, VerifyOptions &options)
     command
         .add_option("--blend-cutoff", options.file.blendCutoff,
                     "The cutoff of materials of alphaMode BLEND [that of vellum bake, which it notes in the file; else "
-                    "none: opaque "
-                    "where alpha is 1, transparent where it is 0]")
+                    "none: opaque where alpha is 1, transparent where it is 0]")
         ->check(finite())
         ->type_name("ALPHA");
     command.option_defaults()->group(kOutput);

@@ -44,14 +44,14 @@ VELLUM_CONST uint kFindingNotSpecial = 10u;  // an index without a micromap
 VELLUM_CONST uint kFindingIndexBuffer = 11u; // about a geometry: the first triangle whose index is outside the buffer
 // About a geometry; value 0, 1: triangles by its usage counts, triangles with an index into the micromap.
 VELLUM_CONST uint kFindingAttachedCounts = 12u;
-// About an instance; value 0, 1: its reference, but for the last.
+// About an instance; value 0, 1: its reference; of kFindingPointer its address.
 VELLUM_CONST uint kFindingDisable = 13u;     // disables micromaps of a structure that does not allow it
 VELLUM_CONST uint kFindingFeature = 14u;     // micromap flags without the feature
 VELLUM_CONST uint kFindingMicromap = 15u;    // names a micromap
 VELLUM_CONST uint kFindingTopLevel = 16u;    // names a top-level structure
 VELLUM_CONST uint kFindingDestroyed = 17u;   // names a structure that was destroyed
 VELLUM_CONST uint kFindingNoStructure = 18u; // names nothing
-VELLUM_CONST uint kFindingPointer = 19u;     // its address, value 0, 1, is no multiple of 16
+VELLUM_CONST uint kFindingPointer = 19u;     // its address is no multiple of 16
 
 // --- record of a structure: what the last build or copy that the device executed put there (4 words) ---
 // word 0: kRecord*, word 1: flags of the build, word 2: triangles of a micromap

@@ -2,6 +2,7 @@
 // A loop on several threads, and its progress.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <exception>
@@ -12,6 +13,12 @@
 
 namespace vellum
 {
+
+// The number of threads that an option asks for; 0: one for each processor.
+inline unsigned threadCount(unsigned wanted)
+{
+    return wanted != 0 ? wanted : std::max(1u, std::thread::hardware_concurrency());
+}
 
 // Calls function(i, state) for each i below `count`, in any order, on `threads` threads with a State of their own. The
 // first exception ends the work and is thrown on.
@@ -45,6 +52,15 @@ void inParallel(unsigned threads, size_t count, Function &&function)
     }
     if (failure)
         std::rethrow_exception(failure);
+}
+
+// As above, without a state: function(i).
+template <typename Function>
+void inParallel(unsigned threads, size_t count, Function &&function)
+{
+    struct Nothing {
+    };
+    inParallel<Nothing>(threads, count, [&](size_t i, Nothing &) { function(i); });
 }
 
 // Calls back now and then, at most some hundred times in all, and at the end.

@@ -131,7 +131,7 @@ Result verify(const Texels &texels, std::span<const TriangleCorners> triangles, 
     const Groups groups = groupsOf(triangles, micromap);
     std::vector<Looked> looked(groups.first.size());
     Progress progress(options.progress, looked.size());
-    const unsigned threads = options.threads == 0 ? std::max(1u, std::thread::hardware_concurrency()) : options.threads;
+    const unsigned threads = threadCount(options.threads);
     const auto claims = [&](size_t group) { return claimsOf(micromap, groups.first[group]); };
     Result result;
     size_t first = 0;
@@ -140,9 +140,7 @@ Result verify(const Texels &texels, std::span<const TriangleCorners> triangles, 
         size_t count = 0;
         for (uint64_t least = 0; count < kBlock && first + count < looked.size() && (count == 0 || least < left);)
             least += TriangleWalk::leastWork(claims(first + count++));
-        struct Nothing {
-        };
-        inParallel<Nothing>(threads, count, [&](size_t i, Nothing &) {
+        inParallel(threads, count, [&](size_t i) {
             Looked &group = looked[first + i];
             group.limit = left / count;
             const uint32_t t = groups.first[first + i];

@@ -2,13 +2,11 @@
 // `vellum bake`: its options, what it bakes, and mistakes in what it excludes.
 #pragma once
 
-#include <algorithm>
 #include <filesystem>
 #include <functional>
 #include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "gltf/micromaps/document_bake.h"
@@ -38,11 +36,6 @@ struct BakeCommandOptions {
     bool table = false;
     bool json = false;
     bool quiet = false;
-
-    [[nodiscard]] unsigned threadCount() const
-    {
-        return threads != 0 ? threads : std::max(1u, std::thread::hardware_concurrency());
-    }
 };
 
 // Declares the options that say how to bake, for every command that bakes. The function that is returned completes

@@ -124,7 +124,7 @@ private:
 Bakery::Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs, UnmatchedExclusions &exclusions,
                job::Log *log)
     : options_(options), exclusions_(exclusions), jobs_(std::move(jobs)), log_(log), order_(jobs_.size()),
-      threads_(options.threadCount()), progress_("baking"), shares_(jobs_.size())
+      threads_(threadCount(options.threads)), progress_("baking"), shares_(jobs_.size())
 {
     result_.reports.resize(jobs_.size());
     for (const BakeJob &job : jobs_) {
@@ -222,20 +222,18 @@ void Bakery::log(const BakeFileReport &report, uint64_t milliseconds)
 
 BakeRun Bakery::run()
 {
-    struct NoState {
-    };
-    inParallel<NoState>(threads_, jobs_.size(), [this](size_t i, NoState &) { bakeNext(i); });
+    inParallel(threads_, jobs_.size(), [this](size_t i) { bakeNext(i); });
     result_.stopped = storage_.firstProblem();
     return std::move(result_);
 }
 
-// Removes the jobs that earlier logs have as done, and logs that.
-void removeDone(const BakeCommandOptions &options, std::vector<BakeJob> &jobs, job::Log *log)
+// Removes the jobs that earlier logs have as done, and logs that. Returns their number.
+size_t removeDone(const BakeCommandOptions &options, std::vector<BakeJob> &jobs, job::Log *log)
 {
     job::DoneFiles done;
     for (const fs::path &path : options.resume)
         done.add(path);
-    std::erase_if(jobs, [&](const BakeJob &job) {
+    return std::erase_if(jobs, [&](const BakeJob &job) {
         if (!done.contains(job.input, job.output))
             return false;
         std::error_code error;
@@ -254,9 +252,7 @@ BakeRun bakeAll(const BakeCommandOptions &options, UnmatchedExclusions &exclusio
     if (options.log)
         log.emplace(*options.log);
     job::Log *const logging = log ? &*log : nullptr;
-    const size_t planned = jobs.size();
-    removeDone(options, jobs, logging);
-    const size_t done = planned - jobs.size();
+    const size_t done = removeDone(options, jobs, logging);
     // Other files may have a match.
     if (options.shard || done != 0)
         exclusions.noteUnread();

@@ -74,15 +74,11 @@ struct RawBakeOptions {
     bool exact = false;
 };
 
-struct RawJobOptions {
-    std::string shard;
-};
-
 const std::map<std::string, TwoStateRule> kRules = {{"nearest", TwoStateRule::Nearest},
                                                     {"opaque", TwoStateRule::UnknownIsOpaque},
                                                     {"transparent", TwoStateRule::UnknownIsTransparent}};
 
-void declareFiles(CLI::App &command, BakeCommandOptions &options, RawJobOptions &raw)
+void declareFiles(CLI::App &command, BakeCommandOptions &options, std::string &shard)
 {
     command.option_defaults()->group(kInput);
     command
@@ -93,7 +89,7 @@ void declareFiles(CLI::App &command, BakeCommandOptions &options, RawJobOptions 
         .add_option("--files", options.files,
                     "Bake the files of this list instead: INPUT or INPUT<TAB>OUTPUT a line; - is stdin")
         ->type_name("LIST");
-    command.add_option("--shard", raw.shard, "Bake the files of part K of N only, of about equal bytes, as 2/8")
+    command.add_option("--shard", shard, "Bake the files of part K of N only, of about equal bytes, as 2/8")
         ->type_name("K/N");
     command
         .add_option("--resume", options.resume, "Skip what this log has as done and whose output exists; repeatable")
@@ -125,15 +121,9 @@ void declareFiles(CLI::App &command, BakeCommandOptions &options, RawJobOptions 
 void declareSelection(CLI::App &command, DocumentBakeOptions &options)
 {
     command.option_defaults()->group(kSelection);
-    CLI::Option &blend =
-        *command.add_flag("--blend", options.blend,
-                          "Bake alphaMode BLEND as well: opaque only where alpha is 1, transparent only where it is 0");
-    command
-        .add_option("--blend-cutoff", options.blendCutoff,
-                    "With --blend: bake as a mask with this cutoff, which is wrong for renderers that blend or dither")
-        ->needs(&blend)
-        ->check(finite())
-        ->type_name("ALPHA");
+    addBlendOptions(command, options.blend, options.blendCutoff,
+                    "Bake alphaMode BLEND as well: opaque only where alpha is 1, transparent only where it is 0",
+                    "With --blend: bake as a mask with this cutoff, which is wrong for renderers that blend or dither");
     command.add_flag("--fallback-images", options.fallbackImages,
                      "For textures with a KTX2, AVIF or DDS image, bake from their PNG or JPEG image");
     command
@@ -275,13 +265,13 @@ std::function<int()> declareBakeCommand(CLI::App &app)
     CLI::App &command = *app.add_subcommand("bake", "Bakes opacity micromaps into glTF files");
     command.footer(kBakeDetails +
                    exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage, ExitCode::NoMicromaps}));
-    const auto raw = std::make_shared<RawJobOptions>();
-    declareFiles(command, *options, *raw);
+    const auto shard = std::make_shared<std::string>();
+    declareFiles(command, *options, *shard);
     const std::function<void()> finish = declareBaking(command, options->bake);
-    return [options, raw, finish] {
+    return [options, shard, finish] {
         finish();
-        if (!raw->shard.empty())
-            options->shard = job::parseShard(raw->shard);
+        if (!shard->empty())
+            options->shard = job::parseShard(*shard);
         splitOperands(*options);
         checkTogether(*options);
         return bakeCommand(*options);

@@ -100,9 +100,7 @@ void Conflicts::addRead(const fs::path &path, const fs::path &input)
 Conflicts::Conflicts(const std::vector<BakeJob> &jobs, const BakeCommandOptions &options)
     : jobs_(jobs), force_(options.force), beside_(jobs.size()), problems_(jobs.size())
 {
-    struct NoState {
-    };
-    inParallel<NoState>(options.threadCount(), jobs.size(), [this](size_t i, NoState &) { readJob(i); });
+    inParallel(threadCount(options.threads), jobs.size(), [this](size_t i) { readJob(i); });
     for (const BakeJob &job : jobs)
         addRead(job.input, job.input);
     for (size_t i = 0; i < jobs.size(); ++i)

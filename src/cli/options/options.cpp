@@ -96,6 +96,14 @@ void takesWords(CLI::Option &option, const std::vector<std::string> &words)
         ""));
 }
 
+CLI::Option &addBlendOptions(CLI::App &command, bool &blend, std::optional<float> &cutoff, const char *blendText,
+                             const char *cutoffText)
+{
+    CLI::Option &option = *command.add_flag("--blend", blend, blendText);
+    command.add_option("--blend-cutoff", cutoff, cutoffText)->needs(&option)->check(finite())->type_name("ALPHA");
+    return option;
+}
+
 CLI::Option &addBakeNumber(CLI::App &command, const BakeNumber &number, double &value, std::optional<double> most)
 {
     const double largest = most.value_or(number.most);

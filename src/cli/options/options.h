@@ -54,6 +54,9 @@ void takesWords(CLI::Option &option, const std::vector<std::string> &words);
 // Adds a number that a bake takes. `most`: instead of the largest that the baker accepts.
 CLI::Option &addBakeNumber(CLI::App &command, const BakeNumber &number, double &value,
                            std::optional<double> most = std::nullopt);
+// Adds --blend and --blend-cutoff, and returns the first.
+CLI::Option &addBlendOptions(CLI::App &command, bool &blend, std::optional<float> &cutoff, const char *blendText,
+                             const char *cutoffText);
 // Adds --exact and kBakeTolerances, for the baker and the verifier.
 void addToleranceOptions(CLI::App &command, bool &exact, const std::array<double *, 4> &values,
                          std::optional<double> most = std::nullopt);

@@ -331,8 +331,8 @@ std::shared_ptr<SerializedHeader> checkSerializedData(GpuChecks &gpu, const Rule
     DeviceModel &device = check.device();
     const VkDeviceSize readable = device.buffers.addresses.bytesFrom(data);
     const CommandState *state = device.commands.states.get(check.commandBuffer());
-    if (!device.checks.gpu || !target || !target->record || !state || state->inheritsConditionalRendering || readable == UINT64_MAX ||
-        readable < kHeaderWords * 4 || data % 4 != 0)
+    if (!device.checks.gpu || !target || !target->record || !state || state->inheritsConditionalRendering ||
+        readable == UINT64_MAX || readable < kHeaderWords * 4 || data % 4 != 0)
         return nullptr;
     const auto count = static_cast<uint32_t>(std::min<VkDeviceSize>(readable / 4, kMostWords));
     auto capture =
