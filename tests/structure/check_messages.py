@@ -26,6 +26,9 @@ NUMBERED = re.compile(r"^VUID-[A-Za-z0-9_-]*$")
 # A row of src/layer/rules, with a string or the name of one; and such names.
 ROW = re.compile(r'\{\s*(?:"((?:VELLUM|VUID)-[^"]*)"|(k\w+)),\s*(Report|Tolerate|Reject|Depends),')
 NAMED = re.compile(r'const char \*(k\w+)\s*=\s*"((?:VELLUM|VUID)-[^"]*)"')
+# A list of rules that this command has like another one, under ids of its own.
+SAME_RULES, OF_COMMAND, LIKE_COMMAND = ("src/layer/rules/ids.cpp", "vkCmdBuildAccelerationStructuresIndirectKHR",
+                                        "vkCmdBuildAccelerationStructuresKHR")
 # A member of a row whose rule only validation checks.
 VALIDATED = re.compile(r"\.alignmentId =\s*$")
 OF_ROWS = {"Tolerate": "warning", "Reject": "error", "Depends": None}
@@ -86,6 +89,12 @@ def messages(root):
     for name, (path, severities) in of_rows.items():
         if severities != {"Report"}:
             ids[name] = (path, {OF_ROWS[severity] for severity in severities - {"Report"}})
+    for name in [name for name, (path, _) in ids.items() if str(path) == SAME_RULES and OF_COMMAND in name]:
+        like = ids.get(name.replace(OF_COMMAND, LIKE_COMMAND))
+        if like:
+            ids[name] = (ids[name][0], like[1])
+        else:
+            del ids[name]
     return ids
 
 

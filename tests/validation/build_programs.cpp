@@ -269,17 +269,71 @@ void structureBuild(Gpu &gpu, bool wrong)
     });
 }
 
+// As above, by an indirect command.
+template <auto change>
+void indirectBuild(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}});
+    Build build(gpu, blas, By::Indirect);
+    if (wrong)
+        change(build.info);
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands); });
+}
+
+// Two structures that one indirect command builds: what of them is in the same memory.
+enum class Same { Structure, Targets, Scratches, TargetAndScratch };
+template <Same same>
+void indirectOverlap(Gpu &gpu, bool wrong)
+{
+    const std::vector<Geometry> geometries{Geometry{.vertices = triangleRow(16)}};
+    const Buffer memory(gpu, 524288,
+                        VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT |
+                            VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    Blas one(gpu), other(gpu);
+    one.placeIn(memory.handle(), 0);
+    other.placeIn(memory.handle(), wrong && same == Same::Targets ? 0 : 131072);
+    one.prepare(geometries);
+    other.prepare(geometries);
+    std::array infos{one.buildInfo(), other.buildInfo()};
+    const VkDeviceAddress first = (memory.address() + 255) / 256 * 256;
+    if (same == Same::Structure && wrong)
+        infos[1].dstAccelerationStructure = infos[0].dstAccelerationStructure;
+    if (same == Same::Scratches)
+        infos[1].scratchData.deviceAddress = wrong ? infos[0].scratchData.deviceAddress : first + 262144;
+    if (same == Same::TargetAndScratch)
+        infos[1].scratchData.deviceAddress = first + (wrong ? 0 : 262144);
+    const Build ranges(gpu, one, By::Indirect);
+    const VkDeviceAddress addresses[] = {ranges.memory.address(), ranges.memory.address()};
+    const uint32_t strides[] = {sizeof *ranges.ranges, sizeof *ranges.ranges}, most = 16;
+    const uint32_t *counts[] = {&most, &most};
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        gpu.vk().CmdBuildAccelerationStructuresIndirectKHR(commands, 2, infos.data(), addresses, strides, counts);
+    });
+}
+
+template <By by>
 void updateOfMicromap(Gpu &gpu, bool wrong)
 {
     const Micromap micromap(gpu, oneTriangle());
     const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}}, VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR);
-    BuildInfo info = blas.buildInfo();
-    info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
-    info.srcAccelerationStructure = wrong ? micromap.handle().khr : info.dstAccelerationStructure;
-    const VkAccelerationStructureBuildRangeInfoKHR *ranges = blas.ranges();
-    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
-        gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
-    });
+    Build build(gpu, blas, by);
+    build.info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
+    build.info.srcAccelerationStructure = wrong ? micromap.handle().khr : build.info.dstAccelerationStructure;
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands); });
+}
+
+// The buffer of the structure that is built was destroyed.
+void indirectIntoNoBuffer(Gpu &gpu, bool wrong)
+{
+    const std::vector<Geometry> geometries{Geometry{.vertices = triangleRow(1)}};
+    Storage storage(gpu);
+    Blas blas(gpu);
+    blas.placeIn(storage.buffer(), 0);
+    blas.prepare(geometries);
+    const Build build(gpu, blas, By::Indirect);
+    if (wrong)
+        storage.destroyBuffer();
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands); });
 }
 
 void noInstances(Gpu &gpu, bool wrong)
@@ -433,7 +487,22 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630", Api::Khr, kNeedsNothing,
      structureBuild<[](BuildInfo &info, auto &) { info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR; }>},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-srcAccelerationStructure-04629", Api::Khr, kNeedsNothing,
-     updateOfMicromap},
+     updateOfMicromap<By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-srcAccelerationStructure-04629", Api::Khr, kNeedsNothing,
+     updateOfMicromap<By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-mode-04628", Api::Khr, kNeedsNothing,
+     indirectBuild<[](BuildInfo &info) { info.mode = static_cast<VkBuildAccelerationStructureModeKHR>(7); }>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-04630", Api::Khr, kNeedsNothing,
+     indirectBuild<[](BuildInfo &info) { info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR; }>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03707", Api::Khr, kNeedsNothing, indirectIntoNoBuffer},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-dstAccelerationStructure-03698", Api::Khr, kNeedsNothing,
+     indirectOverlap<Same::Structure>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-dstAccelerationStructure-03702", Api::Khr, kNeedsNothing,
+     indirectOverlap<Same::Targets>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-dstAccelerationStructure-03703", Api::Khr, kNeedsNothing,
+     indirectOverlap<Same::TargetAndScratch>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-scratchData-03704", Api::Khr, kNeedsNothing,
+     indirectOverlap<Same::Scratches>},
     {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03790", Api::Khr, kNeedsNothing, noInstances},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710", Api::Khr, kNeedsNothing,
      khrBuild<KHR_CHANGE(build.info.scratchData.deviceAddress += 1)>},

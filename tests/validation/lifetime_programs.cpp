@@ -204,34 +204,37 @@ void targetOfCopy(Gpu &gpu, bool wrong)
 }
 
 // A structure of another type is built.
-void buildAt(Gpu &gpu, const Structure &structure, VkAccelerationStructureKHR target, bool wrong)
+void buildAt(Gpu &gpu, const Structure &structure, VkAccelerationStructureKHR target, bool wrong, By by)
 {
-    Build build(gpu, structure);
+    Build build(gpu, structure, by);
     if (wrong)
         build.info.dstAccelerationStructure = target;
     recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands); });
 }
 
+template <By by>
 void bottomAtDestroyed(Gpu &gpu, bool wrong)
 {
     const Blas blas(gpu, {indexedTriangle()});
     const Destroyed destroyed(gpu);
-    buildAt(gpu, blas, destroyed.handle.khr, wrong);
+    buildAt(gpu, blas, destroyed.handle.khr, wrong, by);
 }
 
+template <By by>
 void bottomAtMicromap(Gpu &gpu, bool wrong)
 {
     const Blas blas(gpu, {indexedTriangle()});
     const Micromap micromap(gpu, oneTriangle());
-    buildAt(gpu, blas, micromap.handle().khr, wrong);
+    buildAt(gpu, blas, micromap.handle().khr, wrong, by);
 }
 
+template <By by>
 void topAtMicromap(Gpu &gpu, bool wrong)
 {
     const Blas blas(gpu, {indexedTriangle()});
     const Tlas tlas(gpu, {instance(blas, {}, 0)});
     const Micromap micromap(gpu, oneTriangle());
-    buildAt(gpu, tlas, micromap.handle().khr, wrong);
+    buildAt(gpu, tlas, micromap.handle().khr, wrong, by);
 }
 
 template <typename Attached>
@@ -656,9 +659,15 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-03800", Api::Khr, kNeedsNothing, target,
      "Destroyed"},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-03800", Api::Khr, kNeedsEmulation,
-     bottomAtDestroyed, "Bottom"},
-    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03699", Api::Khr, kNeedsEmulation, topAtMicromap},
-    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03700", Api::Khr, kNeedsEmulation, bottomAtMicromap},
+     bottomAtDestroyed<By::Host>, "Bottom"},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-dstAccelerationStructure-03800", Api::Khr, kNeedsEmulation,
+     bottomAtDestroyed<By::Indirect>, "Bottom"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03699", Api::Khr, kNeedsEmulation, topAtMicromap<By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03699", Api::Khr, kNeedsEmulation,
+     topAtMicromap<By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03700", Api::Khr, kNeedsEmulation, bottomAtMicromap<By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03700", Api::Khr, kNeedsEmulation,
+     bottomAtMicromap<By::Indirect>},
     {"VUID-VkCopyMicromapInfoEXT-src-parameter", Api::Ext, kNeedsEmulation, source, "Destroyed"},
     {"VUID-VkCopyMicromapInfoEXT-dst-parameter", Api::Ext, kNeedsEmulation, targetOfCopy, "Destroyed"},
     {"VUID-VkCopyAccelerationStructureInfoKHR-src-parameter", Api::Khr, kNeedsNothing, source, "Destroyed"},

@@ -546,9 +546,6 @@ constexpr Rule<Structure> kStructure[] = {
              return std::to_string(c.build.geometries.size()) + "; a top-level structure has one geometry";
          });
      }},
-};
-// Rules of direct builds only.
-constexpr Rule<Structure> kDirectStructure[] = {
     {"VUID-vkCmdBuildAccelerationStructuresKHR-mode-04628", Report, "mode",
      [](const Structure &c) {
          return when(!c.build.isUpdate() && c.build.given->mode != VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
@@ -685,14 +682,8 @@ constexpr Rule<Attached> kExtAttachment[] = {
      }},
     {ids::kAttachedCounts, Report, "pUsageCounts", wrongDeviceCounts},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-micromap-parameter", Reject, "micromap", noMicromap},
-};
-constexpr Rule<Attached> kExtDirectAttachment[] = {
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10904", Report, "indexBuffer", unneededIndices},
     {kExtIndicesId, Depends, "indexBuffer", noIndices},
-};
-constexpr Rule<Attached> kExtIndirectAttachment[] = {
-    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10904", Report, "indexBuffer", unneededIndices},
-    {kExtIndirectIndicesId, Depends, "indexBuffer", noIndices},
 };
 constexpr Rule<Attached> kKhrAttachment[] = {
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexType-11570", Report, "indexType", wrongIndexType},
@@ -843,15 +834,13 @@ void checkChains(const InputCheck &check, const input::MicromapBuild &build)
     checkChains(check, 0, build.geometry);
 }
 
-Verdict checkAttachment(const InputCheck &check, bool indirect, const Attached &c)
+Verdict checkAttachment(const InputCheck &check, const Attached &c)
 {
     if (c.attachment.khr)
         return check.check<Attached>(kKhrAttachment, c);
     if (!check.device().validating)
         return {}; // only validation knows whether the micromap exists
     Verdict verdict = check.check<Attached>(kExtAttachment, c);
-    verdict &= check.check<Attached>(
-        indirect ? std::span<const Rule<Attached>>(kExtIndirectAttachment) : kExtDirectAttachment, c);
     if (c.attachment.micromap)
         verdict &=
             checkUsages(check, kAttachedUsages, c.attachment.usages, false, std::nullopt, check.device().extLimits);
@@ -951,7 +940,7 @@ void checkBuild(const InputCheck &check, input::MicromapBuild &build, const Obje
     build.accepted = verdict.accepted;
 }
 
-void checkBuild(const InputCheck &check, bool indirect, input::StructureBuild &build, const Objects &objects)
+void checkBuild(const InputCheck &check, input::StructureBuild &build, const Objects &objects)
 {
     Structure c{build, check.device(), objects.facts(build.given->dstAccelerationStructure)};
     if (build.isUpdate())
@@ -962,13 +951,8 @@ void checkBuild(const InputCheck &check, bool indirect, input::StructureBuild &b
     checkChains(check, build);
     if (goesOn())
         verdict &= check.check<Structure>(kStructure, c);
-    if (!indirect && goesOn())
-        verdict &= check.check<Structure>(kDirectStructure, c);
     if (goesOn())
-        verdict &=
-            checkAttachments(check, build, &objects, [indirect](const InputCheck &part, const Attached &attached) {
-                return checkAttachment(part, indirect, attached);
-            });
+        verdict &= checkAttachments(check, build, &objects, checkAttachment);
     build.accepted = verdict.accepted;
 }
 
@@ -980,8 +964,7 @@ std::string tooFewBytes(VkDeviceSize available, VkDeviceSize needed)
            std::to_string(needed);
 }
 
-void checkBuilds(const RuleDevice &device, const Place &command, input::Builds &builds, const Facts &facts,
-                 bool indirect)
+void checkBuilds(const RuleDevice &device, const Place &command, input::Builds &builds, const Facts &facts)
 {
     const bool allowed = !builds.host || InputCheck(device, command).check<RuleDevice>(kHostBuilds, device).accepted;
     std::unordered_set<uint64_t> built;
@@ -994,7 +977,7 @@ void checkBuilds(const RuleDevice &device, const Place &command, input::Builds &
     }
     for (input::StructureBuild &build : builds.structures) {
         const Place place = command.element("pInfos", build.element);
-        checkBuild(InputCheck(device, place, build.given->dstAccelerationStructure), indirect, build, {facts, built});
+        checkBuild(InputCheck(device, place, build.given->dstAccelerationStructure), build, {facts, built});
     }
 }
 

@@ -23,13 +23,11 @@ inline constexpr const char *kExtScratchId = "VUID-vkCmdBuildMicromapsEXT-pInfos
 inline constexpr const char *kKhrInputId = "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11550";
 inline constexpr const char *kScratchId = "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261";
 inline constexpr const char *kExtIndicesId = "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10905";
-inline constexpr const char *kExtIndirectIndicesId = "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10905";
 inline constexpr const char *kKhrIndicesId =
     "VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexBuffer-11572";
 
 // The builds of a command on the device, and of vkBuildMicromapsEXT.
-void checkBuilds(const RuleDevice &device, const Place &command, input::Builds &builds, const Facts &facts,
-                 bool indirect = false);
+void checkBuilds(const RuleDevice &device, const Place &command, input::Builds &builds, const Facts &facts);
 // The builds of vkBuildAccelerationStructuresKHR.
 void checkHostBuilds(const RuleDevice &device, const Place &command, input::Builds &builds);
 

@@ -3,6 +3,8 @@
 // host and the device.
 #pragma once
 
+#include <string_view>
+
 namespace vellum::layer::rules::ids
 {
 
@@ -16,7 +18,10 @@ inline constexpr const char *kDamaged = "VUID-VkCopyMemoryToAccelerationStructur
 // The specification has this rule in its text alone: VkAccelerationStructureTrianglesOpacityMicromapEXT.
 inline constexpr const char *kAttachedCounts = "VELLUM-attachment-usage-counts";
 inline constexpr const char *kReference = "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12281";
-inline constexpr const char *kIndirectReference = "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-12281";
 inline constexpr const char *kMicromapCompatible = "VUID-VkCopyMemoryToMicromapInfoEXT-src-07549";
+
+// vkCmdBuildAccelerationStructuresIndirectKHR has many rules of vkCmdBuildAccelerationStructuresKHR under ids of its own.
+// Checks name those of the direct command. Returns the id for a place, which begins with the name of the command.
+const char *idAt(std::string_view place, const char *id);
 
 } // namespace vellum::layer::rules::ids

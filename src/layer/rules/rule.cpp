@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "layer/base/pnext.h"
+#include "layer/rules/ids.h"
 #include "vk/enum_names.h"
 
 namespace vellum::layer
@@ -103,6 +104,7 @@ Verdict InputCheck::report(const char *id, const char *member, Severity severity
     if (isReported_)
         return verdict;
     const std::string where = (member ? place_.member(member).text() : place_.text()) + ": ";
+    id = rules::ids::idAt(where, id);
     if (tolerated && severity == Severity::Tolerate && device_.implements(object_))
         reporter.warning(id, where + text + "; the layer goes on", object_.type, object_.handle);
     else

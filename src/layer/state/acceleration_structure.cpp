@@ -59,7 +59,7 @@ constexpr GpuError kGpuErrorTexts[kGpuErrors] = {
      "a micromap was to be copied to where it would overlap its source. The target is as it was"},
     {rules::ids::kReference, "vkCmdBuildAccelerationStructuresKHR: an instance references no bottom-level structure; "
                              "such instances are inactive"},
-    {rules::ids::kIndirectReference, "vkCmdBuildAccelerationStructuresIndirectKHR: an instance references no "
+    {rules::ids::kReference, "vkCmdBuildAccelerationStructuresIndirectKHR: an instance references no "
                                      "bottom-level structure; such instances are inactive"},
 };
 
@@ -345,7 +345,8 @@ void reportGpuErrors(DeviceState &device, uint32_t known)
     const uint32_t bits = device.root.takeGpuErrors() & ~known;
     for (uint32_t i = 0; bits != 0 && i < kGpuErrors; ++i) {
         if ((bits >> i & 1u) != 0)
-            device.driver.report().error(kGpuErrorTexts[i].id, kGpuErrorTexts[i].text);
+            device.driver.report().error(rules::ids::idAt(kGpuErrorTexts[i].text, kGpuErrorTexts[i].id),
+                                         kGpuErrorTexts[i].text);
     }
 }
 

@@ -76,7 +76,7 @@ VkResult addMicromap(DeviceStructures &device, const BufferRange &range, VkAccel
 // Records the builds of one command.
 template <typename Parse>
 void recordBuilds(DeviceStructures &device, VkCommandBuffer commandBuffer, const char *command, const BuildInfo *infos,
-                  bool indirect, Parse parse)
+                  Parse parse)
 {
     Backend &backend = *device.backend;
     if (!backend.begin(commandBuffer, command))
@@ -85,7 +85,7 @@ void recordBuilds(DeviceStructures &device, VkCommandBuffer commandBuffer, const
         input::Builds parsed = parse();
         rules::checkBuilds(
             device.objects.rules, Place(command), parsed,
-            [&objects = device.objects](ObjectHandle handle) { return structureFacts(objects, handle); }, indirect);
+            [&objects = device.objects](ObjectHandle handle) { return structureFacts(objects, handle); });
         return parsed;
     });
     std::vector<MicromapBuild> micromaps;
@@ -251,7 +251,7 @@ void getAccelerationStructureBuildSizes(DeviceStructures &device, VkDevice, VkAc
 void cmdBuildAccelerationStructures(DeviceStructures &device, VkCommandBuffer commandBuffer, uint32_t count,
                                     const BuildInfo *infos, const RangeInfo *const *ranges)
 {
-    recordBuilds(device, commandBuffer, "vkCmdBuildAccelerationStructuresKHR", infos, false,
+    recordBuilds(device, commandBuffer, "vkCmdBuildAccelerationStructuresKHR", infos,
                  [&] { return input::parse(count, infos, ranges); });
 }
 
@@ -259,7 +259,7 @@ void cmdBuildAccelerationStructuresIndirect(DeviceStructures &device, VkCommandB
                                             const BuildInfo *infos, const VkDeviceAddress *addresses,
                                             const uint32_t *strides, const uint32_t *const *most)
 {
-    recordBuilds(device, commandBuffer, "vkCmdBuildAccelerationStructuresIndirectKHR", infos, true,
+    recordBuilds(device, commandBuffer, "vkCmdBuildAccelerationStructuresIndirectKHR", infos,
                  [&] { return input::parseIndirect(count, infos, addresses, strides, most); });
 }
 

@@ -10,6 +10,7 @@
 
 #include "layer/base/pnext.h"
 #include "layer/input/builds.h"
+#include "layer/rules/ids.h"
 #include "layer/state/device_state.h"
 #include "vk/newer.h"
 
@@ -93,7 +94,7 @@ inline bool rejectCommand(const Driver &driver, const char *command, VkAccelerat
                           const char *id, const std::string &text, std::optional<uint32_t> element = std::nullopt)
 {
     const std::string where = std::string(command) + (element ? ": pInfos[" + std::to_string(*element) + "]: " : ": ");
-    driver.report().error(id, where + text, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+    driver.report().error(rules::ids::idAt(where, id), where + text, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
                           reinterpret_cast<uint64_t>(structure));
     return false;
 }

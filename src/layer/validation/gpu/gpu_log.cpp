@@ -130,10 +130,8 @@ BrokenRule instanceRule(GpuChecks &gpu, const Finding &f)
         return {"VUID-VkAccelerationStructureInstanceKHR-micromap-11580",
                 "flags has bits of micromaps, whose feature is not enabled"};
     const std::string address = hex(uint64_t{f.value1} << 32 | f.value0);
-    const bool indirect = f.site >> kSiteCommandShift == static_cast<uint32_t>(SiteCommand::BuildStructuresIndirect);
     if ((f.what & kFindingMask) == kFindingPointer)
-        return {indirect ? "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03717"
-                         : "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03717",
+        return {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03717",
                 "the pointer to it, " + address + ", is not a multiple of 16"};
     const char *what = nullptr;
     switch (f.what & kFindingMask) {
@@ -144,13 +142,12 @@ BrokenRule instanceRule(GpuChecks &gpu, const Finding &f)
     default: break;
     }
     if (what) {
+        const bool indirect = f.site >> kSiteCommandShift == static_cast<uint32_t>(SiteCommand::BuildStructuresIndirect);
         gpu.pending.found(1u << (indirect ? kGpuErrorNoBottomLevelIndirect : kGpuErrorNoBottomLevel));
-        return {indirect ? rules::ids::kIndirectReference : rules::ids::kReference,
-                "the structure at accelerationStructureReference " + address + what};
+        return {rules::ids::kReference, "the structure at accelerationStructureReference " + address + what};
     }
-    const char *command = indirect ? "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10607"
-                                   : "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10607";
-    return {gpu.device.driver.enabled.khr ? "VUID-VkAccelerationStructureInstanceKHR-flags-11581" : command,
+    return {gpu.device.driver.enabled.khr ? "VUID-VkAccelerationStructureInstanceKHR-flags-11581"
+                                          : "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10607",
             std::string("flags has DISABLE_OPACITY_MICROMAPS, but the structure at ") + address +
                 " was built without ALLOW_DISABLE_OPACITY_MICROMAPS"};
 }

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "layer/command_buffer/device_command_buffers.h"
+#include "layer/rules/ids.h"
 #include "layer/rules/place.h"
 #include "layer/validation/model/command_log.h"
 #include "layer/validation/model/device_facts.h"
@@ -47,12 +48,12 @@ struct DeviceModel {
     // id of Vellum. `text`: what was found, what is expected.
     void fault(const Place &place, const char *vuid, const std::string &text, ObjectHandle object = {}) const
     {
-        driver.report().error(vuid, place.text() + ": " + text, object.type, object.handle);
+        fault(place.text(), vuid, text, object);
     }
     // As above, for a place whose text was kept: for faults that are found when a command buffer is submitted.
     void fault(const std::string &place, const char *vuid, const std::string &text, ObjectHandle object = {}) const
     {
-        driver.report().error(vuid, place + ": " + text, object.type, object.handle);
+        driver.report().error(rules::ids::idAt(place, vuid), place + ": " + text, object.type, object.handle);
     }
     // A micromap or an acceleration structure, as rules see it. Where memory ran out, an unknown one may be any.
     [[nodiscard]] ObjectFacts factsOf(ObjectHandle handle) const;

@@ -48,12 +48,13 @@ BuildMemory memoryOf(const DeviceModel &device, const input::MicromapBuild &buil
             build.host ? MemoryRange{} : memoryAt(device, build.scratch.deviceAddress, build.needs.scratch)};
 }
 
-// The sizes that a build of another structure needs, by a query.
+// The sizes that a build of another structure needs, by a query. Of an indirect build, whose counts only the device
+// knows, those without primitives: it accesses at least that memory.
 VkAccelerationStructureBuildSizesInfoKHR sizesOf(const DeviceModel &device, const input::StructureBuild &build)
 {
     std::vector<uint32_t> counts;
     for (uint32_t g = 0; g < build.geometries.size(); ++g)
-        counts.push_back(build.ranges.primitives(g));
+        counts.push_back(build.ranges.direct ? build.ranges.primitives(g) : 0);
     VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
     input::Builds query = input::parse(1, build.given, nullptr);
     for (input::StructureBuild &structure : query.structures)
@@ -151,36 +152,28 @@ void checkAttachedMemory(const RuleCheck &command, const input::StructureBuild &
 
 // --- Addresses, and the objects that are built ---
 
-// A member with an address. `indirect`: id for an indirect build.
+// A member with an address, and the rule that it is valid.
 struct AddressMember {
     const char *name;
-    const char *direct, *indirect;
+    const char *vuid;
 };
 constexpr AddressMember kVertexData{"geometry.triangles.vertexData",
-                                    "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03804",
-                                    "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03804"};
+                                    "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03804"};
 constexpr AddressMember kIndexData{"geometry.triangles.indexData",
-                                   "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03806",
-                                   "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03806"};
+                                   "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03806"};
 constexpr AddressMember kTransformData{"geometry.triangles.transformData",
-                                       "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03808",
-                                       "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03808"};
-constexpr AddressMember kBoxes{"geometry.aabbs.data", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03811",
-                               "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03811"};
-constexpr AddressMember kInstances{"geometry.instances.data", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03813",
-                                   "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03813"};
-constexpr AddressMember kExtIndices{"geometry.triangles.indexBuffer", rules::kExtIndicesId,
-                                    rules::kExtIndirectIndicesId};
-constexpr AddressMember kKhrIndices{"geometry.triangles.indexBuffer", rules::kKhrIndicesId, rules::kKhrIndicesId};
-constexpr AddressMember kBuildScratch{"scratchData", rules::kScratchId,
-                                      "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-12261"};
-constexpr AddressMember kUpdateScratch{"scratchData", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12260",
-                                       "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-12260"};
-constexpr AddressMember kExtData{"data", rules::kExtDataId, nullptr};
-constexpr AddressMember kExtTriangles{"triangleArray", rules::kExtTrianglesId, nullptr};
-constexpr AddressMember kExtScratch{"scratchData", rules::kExtScratchId, nullptr};
-constexpr AddressMember kKhrData{"data", rules::kKhrInputId, nullptr};
-constexpr AddressMember kKhrTriangles{"triangleArray", rules::kKhrInputId, nullptr};
+                                       "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03808"};
+constexpr AddressMember kBoxes{"geometry.aabbs.data", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03811"};
+constexpr AddressMember kInstances{"geometry.instances.data", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03813"};
+constexpr AddressMember kExtIndices{"geometry.triangles.indexBuffer", rules::kExtIndicesId};
+constexpr AddressMember kKhrIndices{"geometry.triangles.indexBuffer", rules::kKhrIndicesId};
+constexpr AddressMember kBuildScratch{"scratchData", rules::kScratchId};
+constexpr AddressMember kUpdateScratch{"scratchData", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12260"};
+constexpr AddressMember kExtData{"data", rules::kExtDataId};
+constexpr AddressMember kExtTriangles{"triangleArray", rules::kExtTrianglesId};
+constexpr AddressMember kExtScratch{"scratchData", rules::kExtScratchId};
+constexpr AddressMember kKhrData{"data", rules::kKhrInputId};
+constexpr AddressMember kKhrTriangles{"triangleArray", rules::kKhrInputId};
 
 // An address that a build accesses.
 struct Accessed {
@@ -228,7 +221,7 @@ std::string textOf(const Accessed &accessed)
 }
 
 // The buffers that are accessed exist when the command is executed.
-void checkWhenExecuted(const RuleCheck &check, uint32_t element, std::span<const Accessed> accessed, bool indirect)
+void checkWhenExecuted(const RuleCheck &check, uint32_t element, std::span<const Accessed> accessed)
 {
     DeviceModel &device = check.device();
     for (const Accessed &one : accessed)
@@ -239,40 +232,36 @@ void checkWhenExecuted(const RuleCheck &check, uint32_t element, std::span<const
                                       .info = element,
                                       .geometry = one.geometry,
                                       .member = one.member->name,
-                                      .vuid = indirect ? one.member->indirect : one.member->direct,
+                                      .vuid = one.member->vuid,
                                       .object = check.object()});
 }
 
-void checkInstanceAlignment(const RuleCheck &check, const input::StructureBuild &build, bool indirect)
+void checkInstanceAlignment(const RuleCheck &check, const input::StructureBuild &build)
 {
     for (const input::Geometry &geometry : build.geometries) {
         if (!geometry.isInstances())
             continue;
         const auto &instances = geometry.given->geometry.instances;
         const bool pointers = instances.arrayOfPointers != VK_FALSE;
-        const char *direct = pointers ? "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03716"
-                                      : "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03715";
-        const char *ofIndirect = pointers ? "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03716"
-                                          : "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03715";
         checkMultiple(check, instances.data.deviceAddress, pointers ? 8 : 16, "pGeometries[0].geometry.instances.data",
-                      indirect ? ofIndirect : direct);
+                      pointers ? "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03716"
+                               : "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03715");
     }
 }
 
 // Checks the addresses of a build. Returns whether it can be recorded.
-bool checkAddresses(const RuleCheck &check, const input::StructureBuild &build, bool indirect)
+bool checkAddresses(const RuleCheck &check, const input::StructureBuild &build)
 {
     bool valid = true;
     std::vector<Accessed> accessed = addressesOf(build);
     for (const Accessed &one : accessed)
         if (const Found found = isInvalid(check.device().state.rules, one.address, Severity::Reject)) {
-            check.fault(indirect ? one.member->indirect : one.member->direct, textOf(one) + found.text);
+            check.fault(one.member->vuid, textOf(one) + found.text);
             valid = false;
         } else if (one.geometry != AccessedAddress::kNone &&
                    lacksUsage(check.device().state.rules, one.address,
                               VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR)) {
-            check.fault(indirect ? "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-geometry-03673"
-                                 : "VUID-vkCmdBuildAccelerationStructuresKHR-geometry-03673",
+            check.fault("VUID-vkCmdBuildAccelerationStructuresKHR-geometry-03673",
                         textOf(one) + "its buffer was created without ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY");
         }
     for (uint32_t g = 0; g < build.geometries.size(); ++g)
@@ -280,8 +269,8 @@ bool checkAddresses(const RuleCheck &check, const input::StructureBuild &build, 
             attachment && attachment->indexType != VK_INDEX_TYPE_NONE_KHR && build.ranges.primitives(g) > 0)
             accessed.push_back(
                 {attachment->khr ? &kKhrIndices : &kExtIndices, attachment->indexBuffer.deviceAddress, g});
-    checkWhenExecuted(check, build.element, accessed, indirect);
-    checkInstanceAlignment(check, build, indirect);
+    checkWhenExecuted(check, build.element, accessed);
+    checkInstanceAlignment(check, build);
     return valid;
 }
 
@@ -293,26 +282,16 @@ void checkAddresses(const RuleCheck &check, const input::MicromapBuild &build)
                                    {build.khr ? &kKhrTriangles : &kExtTriangles, build.triangles.deviceAddress}};
     if (build.needs.scratch > 0)
         accessed.push_back({build.khr ? &kBuildScratch : &kExtScratch, build.scratch.deviceAddress});
-    checkWhenExecuted(check, build.element, accessed, false);
+    checkWhenExecuted(check, build.element, accessed);
 }
 
 // --- What attached micromaps hold ---
 
-struct ContentIds {
-    const char *ext, *khr; // the micromap is constructed
-    const char *isMicromap;
-};
-constexpr ContentIds kContentIds[] = {{"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11632",
-                                       "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11701",
-                                       "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11624"},
-                                      {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11632",
-                                       "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11701",
-                                       "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11624"}};
-
 // A structure of VK_KHR_opacity_micromap may hold something that is not a micromap.
-void checkIsMicromap(const RuleCheck &check, const char *vuid, const std::shared_ptr<ValidatedStructure> &micromap)
+void checkIsMicromap(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &micromap)
 {
-    check.whenExecuted(vuid, [&device = check.device(), micromap]() -> std::string {
+    constexpr const char *kId = "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11624";
+    check.whenExecuted(kId, [&device = check.device(), micromap]() -> std::string {
         const auto contents = micromap->contents;
         if (!contents || contents->deserialized ||
             contents->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
@@ -339,7 +318,7 @@ void checkUsages(const RuleCheck &check, const input::Attachment &attachment,
     });
 }
 
-void checkAttachments(const RuleCheck &check, const ContentIds &ids, const input::StructureBuild &build)
+void checkAttachments(const RuleCheck &check, const input::StructureBuild &build)
 {
     for (uint32_t g = 0; g < build.geometries.size(); ++g) {
         const auto &attachment = build.geometries[g].attachment;
@@ -348,34 +327,16 @@ void checkAttachments(const RuleCheck &check, const ContentIds &ids, const input
             continue;
         const Place element = check.place().element("pGeometries", g);
         const Place place = element.member("geometry.triangles");
-        checkConstructed(check.at(place), micromap, attachment->khr ? ids.khr : ids.ext);
+        checkConstructed(check.at(place), micromap, attachment->khr ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11701"
+                                         : "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11632");
         checkUsages(check.at(place), *attachment, micromap);
         if (attachment->khr)
-            checkIsMicromap(check.at(place), ids.isMicromap, micromap);
+            checkIsMicromap(check.at(place), micromap);
     }
 }
 
 // --- Updates ---
 
-struct UpdateIds {
-    const char *keepsMicromap, *keepsNull, *addsNone, *sameMicromap;
-    // Of any structure: the source was built with ALLOW_UPDATE, and the same numbers and flags. Null: no such rule.
-    const char *allowed, *geometryCount, *flags, *primitiveCount;
-};
-constexpr UpdateIds kUpdateIds[] = {
-    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11625",
-     "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11626",
-     "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11627",
-     "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11629", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03667",
-     "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03758", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03759",
-     "VUID-vkCmdBuildAccelerationStructuresKHR-primitiveCount-03769"},
-    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11625",
-     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11626",
-     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11627",
-     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11629",
-     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03667",
-     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03758",
-     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03759", nullptr}};
 constexpr VkFlags kReplaces = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR;
 constexpr VkFlags kReplacesData = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT;
 
@@ -429,8 +390,7 @@ std::string wrongExtUpdate(const GeometryContents &before, const UpdatedGeometry
 }
 
 // The rule that an update of a geometry breaks, and what is wrong; null if it breaks none.
-const char *brokenBy(const GeometryContents &before, const UpdatedGeometry &now, VkFlags flags, const UpdateIds &ids,
-                     std::string &text)
+const char *brokenBy(const GeometryContents &before, const UpdatedGeometry &now, VkFlags flags, std::string &text)
 {
     const bool wasExt = before.hasMicromap && !before.khr, isExt = now.attaches && !now.khr;
     if (wasExt ? !now.khr : isExt && !before.hasMicromap) {
@@ -441,72 +401,74 @@ const char *brokenBy(const GeometryContents &before, const UpdatedGeometry &now,
         return nullptr;
     if (!before.hasMicromap) {
         text = "the geometry was built without a micromap; the update attaches one";
-        return now.attaches ? ids.addsNone : nullptr;
+        return now.attaches ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11627" : nullptr;
     }
     if (before.micromapHandle.handle == 0) {
         text = "the geometry was built with VK_NULL_HANDLE as its micromap; the update differs";
-        return !now.attaches || now.handle.handle != 0 ? ids.keepsNull : nullptr;
+        return !now.attaches || now.handle.handle != 0 ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11626" : nullptr;
     }
     text = kLosesMicromap;
     if (!now.attaches || now.handle.handle == 0)
-        return ids.keepsMicromap;
+        return "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11625";
     text = kOtherMicromap;
     const bool replaces = (flags & (kReplaces | kReplacesData)) != 0;
-    return !replaces && before.micromap.lock() != now.micromap ? ids.sameMicromap : nullptr;
+    return !replaces && before.micromap.lock() != now.micromap ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11629" : nullptr;
 }
 
 void checkGeometryUpdate(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source, uint32_t g,
-                         const UpdatedGeometry &now, const UpdateIds &ids)
+                         const UpdatedGeometry &now)
 {
-    check.whenExecuted([&device = check.device(), place = check.place().text(), source, g, now, &ids] {
+    check.whenExecuted([&device = check.device(), place = check.place().text(), source, g, now] {
         const auto contents = source->contents;
         if (!contents || contents->deserialized || g >= contents->geometries.size())
             return;
         std::string text;
-        if (const char *vuid = brokenBy(contents->geometries[g], now, contents->flags, ids, text))
+        if (const char *vuid = brokenBy(contents->geometries[g], now, contents->flags, text))
             device.fault(place, vuid, text, source->handle);
     });
 }
 
+constexpr const char *kAllowsUpdateId = "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03667";
+
 // An update has the flags and numbers of the build that it changes.
 struct SameBuild {
     VkFlags flags;
-    std::vector<uint32_t> primitives; // of each geometry
-    const UpdateIds &ids;
+    std::vector<std::optional<uint32_t>> primitives; // of each geometry; nothing in an indirect build
 
     // Calls report(id, text) for what differs.
     template <typename Report>
     void compare(const StructureContents &before, Report report) const
     {
         if ((before.flags & VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR) == 0)
-            report(ids.allowed, "srcAccelerationStructure was built without ALLOW_UPDATE");
+            report(kAllowsUpdateId, "srcAccelerationStructure was built without ALLOW_UPDATE");
         else if (flags != before.flags)
-            report(ids.flags,
+            report("VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03759",
                    "flags is " + hex(flags) + "; srcAccelerationStructure was built with " + hex(before.flags));
         if (primitives.size() != before.geometries.size())
-            return report(ids.geometryCount, "geometryCount is " + std::to_string(primitives.size()) +
-                                                 "; srcAccelerationStructure was built with " +
-                                                 std::to_string(before.geometries.size()));
-        for (size_t g = 0; ids.primitiveCount && g < primitives.size(); ++g)
-            if (before.geometries[g].primitives.value_or(primitives[g]) != primitives[g])
-                report(ids.primitiveCount, "primitiveCount of geometry " + std::to_string(g) + " is " +
-                                               std::to_string(primitives[g]) +
-                                               "; srcAccelerationStructure was built with " +
-                                               std::to_string(*before.geometries[g].primitives));
+            return report("VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03758",
+                          "geometryCount is " + std::to_string(primitives.size()) +
+                              "; srcAccelerationStructure was built with " + std::to_string(before.geometries.size()));
+        for (size_t g = 0; g < primitives.size(); ++g) {
+            const auto &had = before.geometries[g].primitives;
+            if (had && primitives[g] && *had != *primitives[g])
+                report("VUID-vkCmdBuildAccelerationStructuresKHR-primitiveCount-03769",
+                       "primitiveCount of geometry " + std::to_string(g) + " is " + std::to_string(*primitives[g]) +
+                           "; srcAccelerationStructure was built with " + std::to_string(*had));
+        }
     }
 };
 
-void checkSameBuild(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source, const UpdateIds &ids,
+void checkSameBuild(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
                     const input::StructureBuild &build)
 {
-    SameBuild now{build.given->flags, {}, ids};
+    SameBuild now{build.given->flags, {}};
     for (uint32_t g = 0; g < build.geometries.size(); ++g)
-        now.primitives.push_back(build.ranges.primitives(g));
+        now.primitives.push_back(build.ranges.direct ? std::optional(build.ranges.primitives(g)) : std::nullopt);
     check.whenExecuted([&device = check.device(), place = check.place().text(), source, now = std::move(now)] {
         const auto contents = source->contents;
         const std::string why = contents ? std::string() : isNotConstructed(device, *source);
         if (!why.empty())
-            device.fault(place, now.ids.allowed, "srcAccelerationStructure is not constructed: " + why, source->handle);
+            device.fault(place, kAllowsUpdateId, "srcAccelerationStructure is not constructed: " + why, source->handle);
         if (contents && !contents->deserialized)
             now.compare(*contents, [&](const char *vuid, const std::string &text) {
                 device.fault(place, vuid, text, source->handle);
@@ -515,12 +477,12 @@ void checkSameBuild(const RuleCheck &check, const std::shared_ptr<ValidatedStruc
 }
 
 // An update, against what the source holds when the command is executed.
-void checkUpdate(const RuleCheck &check, const UpdateIds &ids, const input::StructureBuild &build)
+void checkUpdate(const RuleCheck &check, const input::StructureBuild &build)
 {
     const auto source = check.device().objects.structureOf(build.given->srcAccelerationStructure);
     if (!build.isUpdate() || !source)
         return;
-    checkSameBuild(check, source, ids, build);
+    checkSameBuild(check, source, build);
     for (uint32_t g = 0; g < build.geometries.size(); ++g) {
         const input::Geometry &geometry = build.geometries[g];
         if (!geometry.isTriangles())
@@ -530,7 +492,7 @@ void checkUpdate(const RuleCheck &check, const UpdateIds &ids, const input::Stru
             now = {true, geometry.attachment->khr, check.device().objects.structureOf(geometry.attachment->micromap),
                    geometry.attachment->micromap, geometry.attachment->usages.copy()};
         const Place place = check.place().element("pGeometries", g);
-        checkGeometryUpdate(check.at(place), source, g, now, ids);
+        checkGeometryUpdate(check.at(place), source, g, now);
     }
 }
 
@@ -549,10 +511,9 @@ const char *nameOf(BuildCommand command)
 
 void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildCommand command, input::Builds &builds)
 {
-    const bool indirect = command == BuildCommand::IndirectStructures;
     const Place place(nameOf(command));
-    rules::checkBuilds(
-        device.state.rules, place, builds, [&device](ObjectHandle handle) { return device.factsOf(handle); }, indirect);
+    rules::checkBuilds(device.state.rules, place, builds,
+                       [&device](ObjectHandle handle) { return device.factsOf(handle); });
     if (!device.checks.core)
         return;
     if (command == BuildCommand::Micromaps && !device.driver.enabled.extFeature)
@@ -570,12 +531,10 @@ void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildComman
     for (input::StructureBuild &build : builds.structures) {
         const Place element = place.element("pInfos", build.element);
         const RuleCheck check(device, element, build.given->dstAccelerationStructure, commandBuffer);
-        build.accepted = checkAddresses(check, build, indirect) && build.accepted;
-        checkAttachments(check, kContentIds[indirect ? 1 : 0], build);
-        checkUpdate(check, kUpdateIds[indirect ? 1 : 0], build);
+        build.accepted = checkAddresses(check, build) && build.accepted;
+        checkAttachments(check, build);
+        checkUpdate(check, build);
     }
-    if (indirect)
-        return;
     std::vector<BuildMemory> memory;
     for (const input::MicromapBuild &build : builds.micromaps)
         memory.push_back(memoryOf(device, build));
@@ -584,7 +543,8 @@ void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildComman
             continue;
         const Place element = place.element("pInfos", build.element);
         const VkAccelerationStructureBuildSizesInfoKHR sizes = sizesOf(device, build);
-        checkScratchSize({device, element, build.given->dstAccelerationStructure, commandBuffer}, build, sizes);
+        if (build.ranges.direct)
+            checkScratchSize({device, element, build.given->dstAccelerationStructure, commandBuffer}, build, sizes);
         memory.push_back(memoryOf(device, build, sizes));
     }
     std::ranges::sort(memory, {}, &BuildMemory::element);
@@ -592,9 +552,9 @@ void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildComman
     for (const input::StructureBuild &build : builds.structures)
         checkAttachedMemory(check, build, memory);
     checkOverlaps(check, memory,
-                  command == BuildCommand::Structures  ? kStructures
-                  : command == BuildCommand::Micromaps ? kMicromaps
-                                                       : kHostMicromaps);
+                  command == BuildCommand::Micromaps       ? kMicromaps
+                  : command == BuildCommand::HostMicromaps ? kHostMicromaps
+                                                           : kStructures);
 }
 
 } // namespace vellum::layer
