@@ -314,6 +314,54 @@ TEST(SyncTrackerBatch, IsCompleteWithOneThatWaitedForIt)
     }
 }
 
+// A fence of a batch that waits for a later submission is signaled after that one, too.
+TEST(SyncTrackerBatch, IsCompleteWithOneThatWaitedForItEarly)
+{
+    Execution run;
+    const auto use = [](uint64_t value) { return std::array{SemaphoreUse{.semaphore = 9, .value = value}}; };
+    run.tracker.beginBatch(1, 1, use(5));
+    run.tracker.endBatch(1, {});
+    run.tracker.signalFence(1, 7);
+    run.tracker.beginBatch(3, 1, use(10));
+    run.tracker.endBatch(3, {});
+    const uint64_t first = run.tracker.beginBatch(2, 1, {});
+    run.tracker.endBatch(2, use(5));
+    const uint64_t second = run.tracker.beginBatch(2, 1, {});
+    run.tracker.endBatch(2, use(10));
+    EXPECT_TRUE(run.tracker.isPending(2, first));
+    run.tracker.fenceComplete(7);
+    EXPECT_FALSE(run.tracker.isPending(2, first));
+    run.tracker.queueIdle(3);
+    EXPECT_FALSE(run.tracker.isPending(2, second));
+}
+
+TEST(SyncTrackerBatch, IsCompleteAtValueBeforeItsSignal)
+{
+    Execution run;
+    run.tracker.hostSignal(9, 0);
+    const uint64_t batch = run.tracker.beginBatch(1, 1, {});
+    run.tracker.endBatch(1, std::array{SemaphoreUse{.semaphore = 9, .value = 5}});
+    run.tracker.semaphoreReached(9, 0);
+    EXPECT_TRUE(run.tracker.isPending(1, batch));
+    run.tracker.semaphoreReached(9, 3); // only the signal of 5 can have reached it
+    EXPECT_FALSE(run.tracker.isPending(1, batch));
+}
+
+// The application may learn by other means what is complete.
+TEST(SyncTrackerBatch, IsCompleteAfterVeryManyOthers)
+{
+    Execution run;
+    const uint64_t first = run.tracker.beginBatch(1, 1, {});
+    run.tracker.endBatch(1, {});
+    uint64_t last = first;
+    for (uint32_t b = 0; b < (1u << 17) && run.tracker.isPending(1, first); ++b) {
+        last = run.tracker.beginBatch(1, 1, {});
+        run.tracker.endBatch(1, {});
+    }
+    EXPECT_FALSE(run.tracker.isPending(1, first));
+    EXPECT_TRUE(run.tracker.isPending(1, last));
+}
+
 // Ten thousand builds with a barrier after each, and one command that reads all that they wrote.
 TEST(SyncTrackerUse, ComparesWithFewBarriers)
 {

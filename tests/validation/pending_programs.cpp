@@ -12,30 +12,58 @@ namespace vt
 namespace
 {
 
-// Executes commands until they have written to memory that the host reads, and destroys something: the wrong program
-// before Vulkan reports that the commands are complete, which is harmless.
+// Commands that write to memory when they have been executed. The host reads it, and Vulkan does not know of that.
+class Commands
+{
+public:
+    template <typename Record>
+    Commands(Gpu &gpu, const Record &record) : gpu_(gpu), done_(gpu, 16, VK_BUFFER_USAGE_TRANSFER_DST_BIT)
+    {
+        commands_ = gpu.begin();
+        record(commands_);
+        barrier(commands_);
+        vkCmdFillBuffer(commands_, done_.handle(), 0, 16, 1);
+        barrier(commands_);
+        gpu.end(commands_);
+    }
+    Commands(const Commands &) = delete;
+    Commands &operator=(const Commands &) = delete;
+    ~Commands() { vkFreeCommandBuffers(gpu_.device(), gpu_.pool(), 1, &commands_); }
+
+    void submit(VkFence fence = VK_NULL_HANDLE, VkSubmitInfo info = vkInit<VkSubmitInfo>({}))
+    {
+        *flag() = 0;
+        info.commandBufferCount = 1;
+        info.pCommandBuffers = &commands_;
+        VT_CHECK(vkQueueSubmit(gpu_.queue(), 1, &info, fence));
+    }
+    // Waits for what they write.
+    void await()
+    {
+        while (*flag() == 0)
+            std::this_thread::yield();
+    }
+
+private:
+    volatile uint32_t *flag() { return done_.as<uint32_t>().data(); }
+    Gpu &gpu_;
+    Buffer done_;
+    VkCommandBuffer commands_ = VK_NULL_HANDLE;
+};
+
+// Executes commands, and destroys something: the wrong program before Vulkan reports that the commands are complete,
+// which is harmless.
 template <typename Record, typename Destroy>
 void destroyPending(Gpu &gpu, bool wrong, const Record &record, const Destroy &destroy)
 {
-    const Buffer done(gpu, 16, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
-    volatile uint32_t *flag = done.as<uint32_t>().data();
-    *flag = 0;
-    VkCommandBuffer commands = gpu.begin();
-    record(commands);
-    barrier(commands);
-    vkCmdFillBuffer(commands, done.handle(), 0, 16, 1);
-    barrier(commands);
-    gpu.end(commands);
-    const auto submit = vkInit<VkSubmitInfo>({.commandBufferCount = 1, .pCommandBuffers = &commands});
-    VT_CHECK(vkQueueSubmit(gpu.queue(), 1, &submit, VK_NULL_HANDLE));
-    while (*flag == 0)
-        std::this_thread::yield();
+    Commands commands(gpu, record);
+    commands.submit();
+    commands.await();
     if (wrong)
         destroy();
     VT_CHECK(vkQueueWaitIdle(gpu.queue()));
     if (!wrong)
         destroy();
-    vkFreeCommandBuffers(gpu.device(), gpu.pool(), 1, &commands);
 }
 
 enum class What { Micromap, MicromapStorage, Triangles, TriangleMemory, Bottom, BottomStorage, Vertices, Top };
@@ -158,6 +186,41 @@ void traced(Gpu &gpu, bool wrong)
         [&] { scene.destroy(what); });
 }
 
+// Rays are traced twice by the same command buffer, which builds the top-level structure of what the host writes. The
+// second time it names the structure that the wrong program destroys.
+void tracedAgain(Gpu &gpu, bool wrong)
+{
+    const std::vector<Geometry> geometries{Geometry{.vertices = triangleRow(1)}};
+    std::optional<Blas> one(std::in_place, gpu, geometries), other(std::in_place, gpu, geometries);
+    Tlas top(gpu);
+    top.prepare(std::array{instance(*one, {}, 0)});
+    const Buffer instances(gpu, 256,
+                           VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
+                               VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR);
+    const auto write = [&](const Blas &bottom) {
+        const VkAccelerationStructureInstanceKHR only = instance(bottom, {}, 0);
+        std::memcpy(instances.bytes(), &only, sizeof only);
+    };
+    Build build(gpu, top);
+    build.geometry.geometry.instances.data.deviceAddress = instances.address();
+    Tracer tracer(gpu);
+    tracer.prepare(top, std::array{Ray{.origin = {0.3f, 0.3f, 1}}});
+    Commands commands(gpu, [&](VkCommandBuffer c) {
+        build.record(c);
+        barrier(c);
+        tracer.bind(c);
+        tracer.dispatch(c);
+    });
+    write(*one);
+    commands.submit();
+    VT_CHECK(vkQueueWaitIdle(gpu.queue()));
+    write(*other);
+    commands.submit();
+    commands.await();
+    (wrong ? other : one).reset();
+    VT_CHECK(vkQueueWaitIdle(gpu.queue()));
+}
+
 // Vertices in two buffers on the same memory: the wrong program destroys both, the right one keeps one until the build
 // is complete.
 void aliased(Gpu &gpu, bool wrong)
@@ -189,6 +252,96 @@ void aliased(Gpu &gpu, bool wrong)
         });
     destroy(buffers[0]);
     vkFreeMemory(gpu.device(), memory, nullptr);
+}
+
+VkSemaphore newSemaphore(Gpu &gpu, VkSemaphoreType type)
+{
+    const auto kind = vkInit<VkSemaphoreTypeCreateInfo>({.semaphoreType = type});
+    const auto info = vkInit<VkSemaphoreCreateInfo>({.pNext = &kind});
+    VkSemaphore semaphore = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateSemaphore(gpu.device(), &info, nullptr, &semaphore));
+    return semaphore;
+}
+
+void awaitValue(Gpu &gpu, VkSemaphore semaphore, uint64_t value)
+{
+    const auto wait = vkInit<VkSemaphoreWaitInfo>({.semaphoreCount = 1, .pSemaphores = &semaphore, .pValues = &value});
+    VT_CHECK(vkWaitSemaphores(gpu.device(), &wait, UINT64_MAX));
+}
+
+// The host waits for a value before the one that the submission signals, which only that can have reached.
+void reachedBetween(Gpu &gpu, bool wrong)
+{
+    Scene scene(gpu);
+    const VkSemaphore semaphore = newSemaphore(gpu, VK_SEMAPHORE_TYPE_TIMELINE);
+    const uint64_t five = 5;
+    const auto values =
+        vkInit<VkTimelineSemaphoreSubmitInfo>({.signalSemaphoreValueCount = 1, .pSignalSemaphoreValues = &five});
+    Commands commands(gpu, [&](VkCommandBuffer c) { scene.build->record(c); });
+    commands.submit(VK_NULL_HANDLE, vkInit<VkSubmitInfo>({.pNext = &values,
+                                                          .signalSemaphoreCount = 1,
+                                                          .pSignalSemaphores = &semaphore}));
+    commands.await();
+    if (!wrong)
+        awaitValue(gpu, semaphore, 3);
+    scene.destroy(What::Vertices);
+    VT_CHECK(vkQueueWaitIdle(gpu.queue()));
+    vkDestroySemaphore(gpu.device(), semaphore, nullptr);
+}
+
+// The submission waits for a value that the host signals later, and the semaphore is destroyed before the next one.
+void waitedForHost(Gpu &gpu, bool wrong)
+{
+    Scene scene(gpu);
+    const VkSemaphore semaphore = newSemaphore(gpu, VK_SEMAPHORE_TYPE_TIMELINE);
+    const uint64_t one = 1;
+    const VkPipelineStageFlags stages = VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
+    const auto values =
+        vkInit<VkTimelineSemaphoreSubmitInfo>({.waitSemaphoreValueCount = 1, .pWaitSemaphoreValues = &one});
+    Commands commands(gpu, [&](VkCommandBuffer c) { scene.build->record(c); });
+    commands.submit(VK_NULL_HANDLE, vkInit<VkSubmitInfo>({.pNext = &values,
+                                                          .waitSemaphoreCount = 1,
+                                                          .pWaitSemaphores = &semaphore,
+                                                          .pWaitDstStageMask = &stages}));
+    const auto signal = vkInit<VkSemaphoreSignalInfo>({.semaphore = semaphore, .value = one});
+    VT_CHECK(vkSignalSemaphore(gpu.device(), &signal));
+    commands.await();
+    VT_CHECK(vkQueueWaitIdle(gpu.queue()));
+    vkDestroySemaphore(gpu.device(), semaphore, nullptr);
+    commands.submit();
+    commands.await();
+    if (!wrong)
+        VT_CHECK(vkQueueWaitIdle(gpu.queue()));
+    scene.destroy(What::Vertices);
+    VT_CHECK(vkQueueWaitIdle(gpu.queue()));
+}
+
+// A sparse binding waits for the submission, and the right program for the sparse binding.
+void waitedForByBinding(Gpu &gpu, bool wrong)
+{
+    Scene scene(gpu);
+    const VkSemaphore built = newSemaphore(gpu, VK_SEMAPHORE_TYPE_BINARY);
+    const VkSemaphore bound = newSemaphore(gpu, VK_SEMAPHORE_TYPE_TIMELINE);
+    Commands commands(gpu, [&](VkCommandBuffer c) { scene.build->record(c); });
+    commands.submit(VK_NULL_HANDLE, vkInit<VkSubmitInfo>({.signalSemaphoreCount = 1, .pSignalSemaphores = &built}));
+    const uint64_t one = 1, none = 0;
+    const auto values = vkInit<VkTimelineSemaphoreSubmitInfo>({.waitSemaphoreValueCount = 1,
+                                                               .pWaitSemaphoreValues = &none,
+                                                               .signalSemaphoreValueCount = 1,
+                                                               .pSignalSemaphoreValues = &one});
+    const auto binding = vkInit<VkBindSparseInfo>({.pNext = &values,
+                                                   .waitSemaphoreCount = 1,
+                                                   .pWaitSemaphores = &built,
+                                                   .signalSemaphoreCount = 1,
+                                                   .pSignalSemaphores = &bound});
+    VT_CHECK(vkQueueBindSparse(gpu.queue(), 1, &binding, VK_NULL_HANDLE));
+    commands.await();
+    if (!wrong)
+        awaitValue(gpu, bound, 1);
+    scene.destroy(What::Vertices);
+    VT_CHECK(vkQueueWaitIdle(gpu.queue()));
+    vkDestroySemaphore(gpu.device(), built, nullptr);
+    vkDestroySemaphore(gpu.device(), bound, nullptr);
 }
 
 VkQueryPool newPool(Gpu &gpu, VkQueryType type)
@@ -252,6 +405,10 @@ constexpr WrongProgram kPrograms[] = {
     {kStructure, Api::Khr, kNeedsNothing, traced<What::Micromap>, "TracedMicromap"},
     // Others may copy what a structure needs of it: VkMicromapBuildSizesInfoEXT::discardable.
     {kMicromap, Api::Ext, kNeedsEmulation, traced<What::Micromap>, "TracedMicromap"},
+    {kStructure, Api::Khr, kNeedsNothing, tracedAgain, "TracedAgain", kBuffer},
+    {kBuffer, Api::Khr, kNeedsNothing, reachedBetween, "ReachedBetween"},
+    {kBuffer, Api::Khr, kNeedsNothing, waitedForHost, "WaitedForHost"},
+    {kBuffer, Api::Khr, kNeedsNothing, waitedForByBinding, "WaitedForByBinding"},
     BOTH_APIS("VUID-vkDestroyQueryPool-queryPool-00793", queried, ""),
     {"VUID-vkQueueSubmit-pCommandBuffers-00070", Api::Khr, kNeedsNothing, resetLater, "QueryPool"},
 };

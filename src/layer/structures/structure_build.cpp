@@ -180,11 +180,22 @@ private:
     // Limits the range that the driver may write to what the build needs.
     void fitBottomLevel(Part &part, VkDeviceSize bytes)
     {
+        const VkAccelerationStructureKHR exact = exactHandle(part, bytes);
+        if (!exact)
+            return;
         // The source of an update may be compacted, and have fewer bytes.
         const bool known = !part.build.source || device_.driver.clearsWholeHandles;
         becomes(part.target(), VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR,
                 known ? std::min(bytes, part.target().size) : 0);
-        buildInto(part, exactSizeHandle(device_, part.target(), bytes));
+        buildInto(part, exact);
+    }
+    // A handle to that many bytes of the target. Null: the part is rejected.
+    VkAccelerationStructureKHR exactHandle(Part &part, VkDeviceSize bytes)
+    {
+        const VkAccelerationStructureKHR exact = exactSizeHandleOrNull(device_, part.target(), bytes);
+        if (!exact)
+            reject(part, "VELLUM-out-of-memory", "the driver has no memory for a handle to what it builds");
+        return exact;
     }
     static void buildInto(Part &part, VkAccelerationStructureKHR exact)
     {
@@ -212,11 +223,9 @@ private:
                    "memory for the layer's tables");
             return false;
         }
-        const VkAccelerationStructureKHR exact = exactSizeHandleOrNull(device_, target, layout.tailOffset);
-        if (!exact) {
-            reject(part, "VELLUM-out-of-memory", "the driver has no memory for a handle without the layer's instances");
+        const VkAccelerationStructureKHR exact = exactHandle(part, layout.tailOffset);
+        if (!exact)
             return false;
-        }
         device_.commands.states.keep(commandBuffer_, slots->use());
         becomesTopLevel(target, count, layout.tailOffset);
         buildInto(part, exact);

@@ -56,6 +56,7 @@ void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,
 {
     if (target)
         device.logs.add(commandBuffer, [&device, target, contents](const Submission &submission) {
+            contents->submitted();
             setContents(device, target, submission.ordered ? contents : unknownContents(contents->type));
             for (const GeometryContents &geometry : contents->geometries)
                 if (const auto micromap = geometry.micromap.lock())

@@ -99,6 +99,7 @@ void cmdWriteBufferMarker2(DeviceValidation &, VkCommandBuffer, VkPipelineStageF
 VkResult queueSubmit(DeviceValidation &, VkQueue, uint32_t, const VkSubmitInfo *, VkFence);
 VkResult queueSubmit2(DeviceValidation &, VkQueue, uint32_t, const VkSubmitInfo2 *, VkFence);
 VkResult queueBindSparse(DeviceValidation &, VkQueue, uint32_t, const VkBindSparseInfo *, VkFence);
+VkResult queuePresent(DeviceValidation &, VkQueue, const VkPresentInfoKHR *);
 VkResult queueWaitIdle(DeviceValidation &, VkQueue);
 VkResult deviceWaitIdle(DeviceValidation &, VkDevice);
 VkResult waitForFences(DeviceValidation &, VkDevice, uint32_t, const VkFence *, VkBool32, uint64_t);

@@ -63,15 +63,9 @@ const char *invalidIdOf(const VkSubmitInfo2 &)
 {
     return "VUID-vkQueueSubmit2-commandBuffer-03874";
 }
-
-void execute(DeviceValidation &device, Submission submission, const SharedSteps &steps)
+const char *invalidIdOf(const VkBindSparseInfo &) // it has no command buffers
 {
-    if (!steps)
-        return;
-    auto &waits = device.logs.waits[submission.queue];
-    std::erase_if(waits, [&](const auto &wait) { return !isLater(device, wait.first, wait.second); });
-    submission.ordered = submission.ordered && waits.empty();
-    steps->run(submission, &CommandLog::Steps::effects);
+    return nullptr;
 }
 
 template <typename Submit>
@@ -83,26 +77,38 @@ void checkBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, st
             commandBuffer->run(submission, &CommandLog::Steps::checks);
 }
 
-// `steps`: of the command buffers.
-template <typename Submit>
-void executeBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, bool ordered,
+// Returns whether all that the batches of a queue wait for was submitted before. `uses`: what a further one waits for.
+bool isOrdered(DeviceValidation &device, VkQueue queue, std::span<const sync::SemaphoreUse> uses)
+{
+    auto &waits = device.logs.waits[queue];
+    for (const sync::SemaphoreUse &use : uses)
+        if (use.value)
+            waits.emplace_back(use.semaphore, *use.value);
+    std::erase_if(waits, [&](const auto &wait) { return !isLater(device, wait.first, wait.second); });
+    return waits.empty();
+}
+
+// `steps`: of the command buffers. `ordered`: the order of the submission among others is known.
+template <typename Batch>
+void executeBatch(DeviceValidation &device, VkQueue queue, const Batch &batch, bool ordered,
                   std::span<const SharedSteps> steps)
 {
     const std::vector<sync::SemaphoreUse> waits = sync::waitsOf(device.sync, batch);
-    for (const sync::SemaphoreUse &use : waits) {
-        if (use.value && isLater(device, use.semaphore, *use.value))
-            device.logs.waits[queue].emplace_back(use.semaphore, *use.value);
-    }
-    const uint64_t number = sync::beginBatch(device.sync, queue, waits, ordered);
-    for (const SharedSteps &commandBuffer : steps)
-        execute(device, {queue, device.objects.queueFamilies.get(queue), invalidIdOf(batch), number, ordered},
-                commandBuffer);
     const std::vector<sync::SemaphoreUse> signals = sync::signalsOf(device.sync, batch);
-    sync::endBatch(device.sync, queue, signals, ordered);
-    for (const sync::SemaphoreUse &use : signals) {
-        if (use.value)
+    const bool waited = isOrdered(device, queue, waits);
+    const uint64_t number = sync::beginBatch(device.sync, queue, waits, ordered);
+    const Submission submission{queue, device.objects.queueFamilies.get(queue), invalidIdOf(batch), number,
+                                ordered && waited};
+    const bool known = remember(device.objects, [&] {
+        for (const SharedSteps &commandBuffer : steps)
+            if (commandBuffer)
+                commandBuffer->run(submission, &CommandLog::Steps::effects);
+    });
+    sync::endBatch(device.sync, queue, signals, ordered && known);
+    // What waits for a batch that is executed later is executed later, too.
+    for (const sync::SemaphoreUse &use : signals)
+        if (use.value && waited)
             device.logs.signals[use.semaphore] = *use.value;
-    }
 }
 
 // Submits batches by `next()`. Nothing of them was executed if that fails. `stepsOfBatch`: those of its command
@@ -112,6 +118,8 @@ VkResult submit(DeviceValidation &device, VkQueue queue, std::span<const Submit>
                 StepsOfBatch stepsOfBatch)
 {
     device.gpu.report(false);
+    device.traces.marks.report(device, false);
+    device.traces.traced.report(device);
     std::vector<std::vector<SharedSteps>> steps;
     for (const Submit &batch : batches)
         steps.push_back(stepsOfBatch(batch));
@@ -133,6 +141,15 @@ VkResult submit(DeviceValidation &device, VkQueue queue, std::span<const Submit>
         sync::signalFence(device.sync, queue, fence, ordered);
     });
     return result;
+}
+
+void bind(const DeviceValidation &device, const VkSparseBufferMemoryBindInfo &info)
+{
+    const auto buffer = device.objects.buffers.get(info.buffer);
+    for (uint32_t i = 0; buffer && i < info.bindCount; ++i) {
+        const VkSparseMemoryBind &part = info.pBinds[i];
+        buffer->bound.set(part.resourceOffset, part.resourceOffset + part.size, part.memory != VK_NULL_HANDLE);
+    }
 }
 
 void allIdle(DeviceValidation &device)
@@ -177,32 +194,47 @@ VkResult queueSubmit2(DeviceValidation &device, VkQueue queue, uint32_t count, c
 VkResult queueBindSparse(DeviceValidation &device, VkQueue queue, uint32_t count, const VkBindSparseInfo *infos,
                          VkFence fence)
 {
+    const HeldMessages held;
+    SubmissionTurn turn(device.logs);
     const VkResult result = device.next.QueueBindSparse(queue, count, infos, fence);
-    for (uint32_t i = 0; result == VK_SUCCESS && i < count; ++i) {
-        for (uint32_t b = 0; b < infos[i].bufferBindCount; ++b) {
-            const VkSparseBufferMemoryBindInfo &info = infos[i].pBufferBinds[b];
-            const auto buffer = device.objects.buffers.get(info.buffer);
-            for (uint32_t k = 0; buffer && k < info.bindCount; ++k) {
-                const VkSparseMemoryBind &bind = info.pBinds[k];
-                buffer->bound.set(bind.resourceOffset, bind.resourceOffset + bind.size, bind.memory != VK_NULL_HANDLE);
-            }
-        }
-    }
+    const bool ordered = turn.await();
+    if (!succeeded(device, result))
+        return result;
+    remember(device.objects, [&] {
+        for (const VkBindSparseInfo &batch : std::span(infos, count))
+            executeBatch(device, queue, batch, ordered, {});
+        sync::signalFence(device.sync, queue, fence, ordered);
+    });
+    remember(device.objects, [&] {
+        for (const VkBindSparseInfo &batch : std::span(infos, count))
+            for (const VkSparseBufferMemoryBindInfo &info : std::span(batch.pBufferBinds, batch.bufferBindCount))
+                bind(device, info);
+    });
     return result;
 }
 
 VkResult queueWaitIdle(DeviceValidation &device, VkQueue queue)
 {
     const VkResult result = device.next.QueueWaitIdle(queue);
+    device.logs.settle();
     if (succeeded(device, result))
         device.sync.tracker.queueIdle(uint64_t(queue));
     reportCompleted(device, false);
     return result;
 }
 
+VkResult queuePresent(DeviceValidation &device, VkQueue queue, const VkPresentInfoKHR *info)
+{
+    const VkResult result = device.next.QueuePresentKHR(queue, info);
+    for (uint32_t i = 0; i < info->waitSemaphoreCount; ++i)
+        device.sync.tracker.forgetSemaphore(uint64_t(info->pWaitSemaphores[i])); // it is unsignaled now
+    return result;
+}
+
 VkResult deviceWaitIdle(DeviceValidation &device, VkDevice handle)
 {
     const VkResult result = device.next.DeviceWaitIdle(handle);
+    device.logs.settle();
     if (succeeded(device, result))
         device.sync.tracker.allIdle();
     reportCompleted(device, result == VK_SUCCESS);
@@ -283,6 +315,8 @@ void destroySemaphore(DeviceValidation &device, VkDevice handle, VkSemaphore sem
     {
         const std::lock_guard lock(device.logs.submissions);
         device.logs.signals.erase(uint64_t(semaphore));
+        for (auto &[queue, waits] : device.logs.waits) // they are over: nothing pending may refer to it
+            std::erase_if(waits, [&](const auto &wait) { return wait.first == uint64_t(semaphore); });
     }
     device.sync.tracker.forgetSemaphore(uint64_t(semaphore));
     device.next.DestroySemaphore(handle, semaphore, allocator);

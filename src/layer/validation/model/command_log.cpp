@@ -11,7 +11,8 @@ namespace vellum::layer
 
 void CommandLog::reset()
 {
-    if (!steps->checks.empty() || !steps->effects.empty())
+    // A submission of it that is complete may not have run its steps.
+    if (steps.use_count() > 1 || !steps->checks.empty() || !steps->effects.empty())
         steps = std::make_shared<Steps>();
     accessed.reset();
     traces = {};

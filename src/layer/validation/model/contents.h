@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <memory>
 #include <optional>
 #include <span>
@@ -45,8 +46,16 @@ public:
     [[nodiscard]] VkBuffer buffer() const { return piece_.buffer; }
     [[nodiscard]] VkDeviceSize offset() const { return piece_.offset; } // in the buffer
     [[nodiscard]] const uint32_t *words() const { return piece_.words; }
-    // The shaders count in the first word what they have written.
+    // The shaders count in the first word what they have written, in all executions of their commands.
     [[nodiscard]] uint32_t written() const { return __atomic_load_n(piece_.words, __ATOMIC_ACQUIRE); }
+    // The commands were submitted so many times.
+    std::atomic<uint32_t> submissions = 0;
+    // Returns whether the words are those of the last submission, which writes `count` items.
+    [[nodiscard]] bool isCurrent(uint32_t count) const
+    {
+        const uint32_t times = submissions;
+        return times != 0 && written() == count * times;
+    }
 
 private:
     MemoryPool &pool_;
@@ -57,10 +66,10 @@ private:
 struct CapturedInstances {
     uint32_t count = 0;
     std::shared_ptr<Capture> memory;
-    // Nothing before the build was executed.
+    // Nothing while a submission of the build may not be complete.
     [[nodiscard]] std::optional<std::span<const VkDeviceAddress>> references() const
     {
-        if (!memory || memory->written() < count)
+        if (!memory || !memory->isCurrent(count))
             return {};
         return std::span(reinterpret_cast<const VkDeviceAddress *>(memory->words() + Capture::kCountWords), count);
     }
@@ -79,10 +88,11 @@ inline uint64_t trianglesOf(const std::vector<VkMicromapUsageEXT> &usages, uint3
 struct CapturedIndices {
     uint32_t count = 0;
     std::shared_ptr<Capture> memory;
-    // Returns whether it has special indices and indices of the micromap. Nothing before the build was executed.
+    // Returns whether it has special indices and indices of the micromap. Nothing before the build was executed, and
+    // after it was submitted again: the indices may be others.
     [[nodiscard]] std::optional<bool> mixed() const
     {
-        if (!memory || memory->written() < count)
+        if (!memory || memory->submissions != 1 || !memory->isCurrent(count))
             return {};
         return memory->words()[1] == (shared::kIndexKindSpecial | shared::kIndexKindMicromap);
     }
@@ -114,6 +124,16 @@ struct StructureContents {
     bool deserialized = false;                // the other members are unknown, except the header
     std::shared_ptr<SerializedHeader> header; // of the data of a structure; null: unknown
     CapturedInstances instances;              // of a top-level structure
+
+    // The build is submitted.
+    void submitted() const
+    {
+        if (instances.memory)
+            ++instances.memory->submissions;
+        for (const GeometryContents &geometry : geometries)
+            if (geometry.indices.memory)
+                ++geometry.indices.memory->submissions;
+    }
 };
 
 } // namespace vellum::layer

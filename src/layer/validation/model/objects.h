@@ -52,6 +52,12 @@ public:
             if (const auto object = known.lock())
                 visit(object);
     }
+    // Returns whether no object was ever added.
+    [[nodiscard]] bool empty() const
+    {
+        const std::lock_guard lock(mutex_);
+        return objects_.empty();
+    }
 
 private:
     mutable std::mutex mutex_;
@@ -362,12 +368,14 @@ struct ValidatedObjects {
 // Keeps what validation knows of an object or a submission after the implementation has made it, when nothing may fail
 // any more: without memory, it stays unknown.
 template <typename Keep>
-void remember(ValidatedObjects &objects, Keep keep) noexcept
+bool remember(ValidatedObjects &objects, Keep keep) noexcept
 {
     try {
         keep();
+        return true;
     } catch (const std::bad_alloc &) {
         objects.anyUnknown = true;
+        return false;
     }
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The accesses of commands, and messages about accesses that nothing orders.
 #include <algorithm>
+#include <unordered_set>
 
 #include "layer/validation/sync/sync_checks.h"
 
@@ -176,7 +177,8 @@ public:
     {
         if (!structure)
             return;
-        structures_.push_back(structure);
+        if (referred_.insert(structure.get()).second)
+            structures_.push_back(structure);
         uses(subject, structure, 0);
         uses(subject, structure->buffer, structure->bufferAddress());
     }
@@ -203,8 +205,14 @@ public:
                 });
         sync_.device.logs.add(commandBuffer_, [&sync = sync_, accesses = std::move(accesses_),
                                                uses = std::move(uses_)](const Submission &submission) {
-            for (const Use &use : uses)
-                addUse(*use.object, submission, use.use);
+            for (const Use &use : uses) {
+                // Another buffer may have the address by now.
+                const bool other = use.object->destroyed && use.use.address != 0;
+                const std::shared_ptr<ReferredObject> object =
+                    other ? bufferAt(sync.device, use.use.address) : use.object;
+                if (object)
+                    addUse(*object, submission, use.use);
+            }
             for (const Hazard &hazard : sync.tracker.access(uint64_t(submission.queue), accesses))
                 report(sync.device, hazard);
         });
@@ -234,6 +242,7 @@ private:
     uint32_t element_ = 0;
     std::vector<Access> accesses_;
     std::vector<std::shared_ptr<ValidatedStructure>> structures_;
+    std::unordered_set<const ValidatedStructure *> referred_; // those in structures_
     std::vector<Use> uses_;
 };
 

@@ -103,8 +103,10 @@ void recordWrite(DeviceSync &, VkCommandBuffer, const char *command, const VkDev
 // The semaphores that a batch of a submission waits for and signals.
 std::vector<SemaphoreUse> waitsOf(const DeviceSync &, const VkSubmitInfo &);
 std::vector<SemaphoreUse> waitsOf(const DeviceSync &, const VkSubmitInfo2 &);
+std::vector<SemaphoreUse> waitsOf(const DeviceSync &, const VkBindSparseInfo &);
 std::vector<SemaphoreUse> signalsOf(const DeviceSync &, const VkSubmitInfo &);
 std::vector<SemaphoreUse> signalsOf(const DeviceSync &, const VkSubmitInfo2 &);
+std::vector<SemaphoreUse> signalsOf(const DeviceSync &, const VkBindSparseInfo &);
 // Around the steps of its command buffers. `ordered`: SubmissionTurn::await().
 // The number of the batch on its queue; 0: when it is complete is not known.
 uint64_t beginBatch(DeviceSync &, VkQueue, const std::vector<SemaphoreUse> &waits, bool ordered);

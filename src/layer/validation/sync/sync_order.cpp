@@ -166,7 +166,8 @@ std::vector<SemaphoreUse> usesOf(const DeviceSync &sync, uint32_t count, const V
     return uses;
 }
 
-const VkTimelineSemaphoreSubmitInfo *valuesOf(const VkSubmitInfo &submit)
+template <typename Batch>
+const VkTimelineSemaphoreSubmitInfo *valuesOf(const Batch &submit)
 {
     return findInChain<VkTimelineSemaphoreSubmitInfo>(submit.pNext, VK_STRUCTURE_TYPE_TIMELINE_SEMAPHORE_SUBMIT_INFO);
 }
@@ -240,6 +241,20 @@ std::vector<SemaphoreUse> signalsOf(const DeviceSync &sync, const VkSubmitInfo &
                   values ? values->signalSemaphoreValueCount : 0, values ? values->pSignalSemaphoreValues : nullptr);
 }
 
+std::vector<SemaphoreUse> waitsOf(const DeviceSync &sync, const VkBindSparseInfo &bind)
+{
+    const auto *values = valuesOf(bind);
+    return usesOf(sync, bind.waitSemaphoreCount, bind.pWaitSemaphores, nullptr,
+                  values ? values->waitSemaphoreValueCount : 0, values ? values->pWaitSemaphoreValues : nullptr);
+}
+
+std::vector<SemaphoreUse> signalsOf(const DeviceSync &sync, const VkBindSparseInfo &bind)
+{
+    const auto *values = valuesOf(bind);
+    return usesOf(sync, bind.signalSemaphoreCount, bind.pSignalSemaphores, nullptr,
+                  values ? values->signalSemaphoreValueCount : 0, values ? values->pSignalSemaphoreValues : nullptr);
+}
+
 std::vector<SemaphoreUse> signalsOf(const DeviceSync &sync, const VkSubmitInfo2 &submit)
 {
     return usesOf(sync, submit.signalSemaphoreInfoCount, submit.pSignalSemaphoreInfos);
@@ -249,9 +264,11 @@ uint64_t beginBatch(DeviceSync &sync, VkQueue queue, const std::vector<Semaphore
 {
     if (!sync.device.checks.sync)
         return 0;
-    const uint64_t number =
-        sync.tracker.beginBatch(uint64_t(queue), sync.device.objects.queueFamilies.get(queue), waits, ordered);
-    return sync.device.facts.waitsElsewhere ? 0 : number;
+    // The host may know that batches of other queues are complete by means that are not followed.
+    const bool elsewhere = sync.device.facts.waitsElsewhere;
+    const uint64_t number = sync.tracker.beginBatch(
+        uint64_t(queue), sync.device.objects.queueFamilies.get(queue), waits, ordered && !elsewhere);
+    return elsewhere ? 0 : number;
 }
 
 void endBatch(DeviceSync &sync, VkQueue queue, const std::vector<SemaphoreUse> &signals, bool ordered)

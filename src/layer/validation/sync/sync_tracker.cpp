@@ -10,6 +10,9 @@ namespace
 
 // Barriers that a queue keeps. Accesses before those that it drops count as ordered.
 constexpr size_t kMostBarriers = size_t{1} << 20;
+// Batches of a queue that are not known to be complete. Where there are more, the older half counts as complete: the
+// application learns of it by other means.
+constexpr size_t kMostBatches = size_t{1} << 16;
 
 constexpr VkPipelineStageFlags2 kAllStages = ~VkPipelineStageFlags2{VK_PIPELINE_STAGE_2_HOST_BIT};
 constexpr VkPipelineStageFlags2 kGraphicsStages =
@@ -124,10 +127,8 @@ std::optional<Tracker::Clock> Tracker::signalOf(const SemaphoreUse &use)
 void Tracker::wait(size_t index, const SemaphoreUse &use)
 {
     std::optional<Clock> clock = signalOf(use);
-    if (!clock && use.value) {
-        uint64_t &value = unresolved_[use.semaphore];
-        value = std::max(value, *use.value);
-    }
+    if (!clock && use.value)
+        late_.push_back({index, queues_[index].batch + 1, use.semaphore, *use.value, {}});
     if (!clock)
         clock = everything();
     Queue &queue = queues_[index];
@@ -146,7 +147,7 @@ uint64_t Tracker::beginBatch(QueueKey key, uint32_t family, std::span<const Sema
         wait(index, use);
     Queue &queue = queues_[index];
     queue.family = family;
-    merge(queue.before, unresolved_.empty() && ordered ? complete_ : everything());
+    merge(queue.before, ordered && !waitsForUnknown() ? complete_ : everything());
     ++queue.position;
     return ++queue.batch;
 }
@@ -165,12 +166,21 @@ void Tracker::signal(uint64_t semaphore, uint64_t value, const Clock &clock)
     };
     while (values.size() > 64 && isComplete(std::next(values.begin())->second))
         values.erase(values.begin());
-    const auto waited = unresolved_.find(semaphore);
-    if (waited == unresolved_.end() || waited->second > value)
-        return;
-    unresolved_.erase(waited);
+    bool resolves = false;
+    for (LateWait &wait : late_) {
+        if (wait.signal || wait.semaphore != semaphore || wait.value > value)
+            continue;
+        wait.signal = clock;
+        resolves = true;
+    }
     for (Queue &queue : queues_)
-        merge(queue.before, everything());
+        if (resolves)
+            merge(queue.before, everything());
+}
+
+bool Tracker::waitsForUnknown() const
+{
+    return std::ranges::any_of(late_, [](const LateWait &wait) { return !wait.signal; });
 }
 
 void Tracker::endBatch(QueueKey key, std::span<const SemaphoreUse> signals, bool ordered)
@@ -179,6 +189,11 @@ void Tracker::endBatch(QueueKey key, std::span<const SemaphoreUse> signals, bool
     const size_t index = indexOf(key);
     Queue &queue = queues_[index];
     queue.ends.emplace_back(queue.batch, queue.position);
+    if (queue.ends.size() > kMostBatches) {
+        Clock oldest(index + 1);
+        oldest[index] = queue.ends[kMostBatches / 2].first;
+        complete(oldest);
+    }
     for (const SemaphoreUse &use : signals) {
         if (use.value)
             signal(use.semaphore, *use.value, clockOf(index));
@@ -197,9 +212,23 @@ void Tracker::signalFence(QueueKey queue, uint64_t fence)
 
 // ------------------------------------------------------------------------------------------ the host
 
+void Tracker::completeWaits()
+{
+    for (bool merged = true; merged;) {
+        merged = false;
+        std::erase_if(late_, [&](const LateWait &wait) {
+            if (wait.batch > at(complete_, wait.queue))
+                return false;
+            merge(complete_, wait.signal ? *wait.signal : everything());
+            return merged = true;
+        });
+    }
+}
+
 void Tracker::complete(const Clock &clock)
 {
     merge(complete_, clock);
+    completeWaits();
     for (size_t q = 0; q < queues_.size(); ++q) {
         Queue &queue = queues_[q];
         while (!queue.ends.empty() && queue.ends.front().first <= at(complete_, q)) {
@@ -259,11 +288,11 @@ void Tracker::semaphoreReached(uint64_t semaphore, uint64_t value)
     const auto values = timeline_.find(semaphore);
     if (values == timeline_.end())
         return value == 0 ? void() : complete(everything());
+    // Values increase: the first signal that reaches the value has happened, and so have those before it.
     const auto signaled = values->second.lower_bound(value);
-    // The signal of a value that the semaphore has reached; a larger one may not have happened yet.
-    if (signaled != values->second.end() && signaled->first == value)
+    if (signaled != values->second.end())
         complete(Clock(signaled->second));
-    else if (signaled != values->second.begin() && value > std::prev(signaled)->first)
+    else if (signaled != values->second.begin())
         complete(Clock(std::prev(signaled)->second));
 }
 
@@ -272,7 +301,9 @@ void Tracker::forgetSemaphore(uint64_t semaphore)
     std::lock_guard lock(mutex_);
     binary_.erase(semaphore);
     timeline_.erase(semaphore);
-    unresolved_.erase(semaphore);
+    for (LateWait &wait : late_) // the batches are complete, as far as the application knows
+        if (wait.semaphore == semaphore && !wait.signal)
+            wait.signal = everything();
 }
 
 void Tracker::queueIdle(QueueKey queue)

@@ -163,6 +163,14 @@ private:
         size_t queue = 0;
         uint64_t position = 0;
     };
+    // A batch waits for a value of a timeline semaphore whose signal was not known when the batch was submitted.
+    struct LateWait {
+        size_t queue = 0;
+        uint64_t batch = 0;
+        uint64_t semaphore = 0;
+        uint64_t value = 0;
+        std::optional<Clock> signal; // what is complete once it is signaled; nothing: it is not known yet
+    };
 
     size_t indexOf(QueueKey queue);
     [[nodiscard]] Clock everything() const;
@@ -170,7 +178,11 @@ private:
     void wait(size_t queue, const SemaphoreUse &use);
     [[nodiscard]] std::optional<Clock> signalOf(const SemaphoreUse &use);
     void signal(uint64_t semaphore, uint64_t value, const Clock &clock);
+    // Returns whether a batch waits for a signal that is not known.
+    [[nodiscard]] bool waitsForUnknown() const;
     void complete(const Clock &clock);
+    // Completes what late waits of complete batches waited for.
+    void completeWaits();
     void sweep();
     void addBarrier(Queue &queue, const Scope &source, const Scope &target, uint64_t before);
     void applyBarriers(size_t queue, std::span<const Barrier> barriers, uint64_t before);
@@ -195,7 +207,7 @@ private:
     size_t entries_ = 0, sweepAt_ = 4096;
     std::unordered_map<uint64_t, Clock> binary_;                       // signaled semaphores
     std::unordered_map<uint64_t, std::map<uint64_t, Clock>> timeline_; // values
-    std::unordered_map<uint64_t, uint64_t> unresolved_;                // largest value waited for before its signal
+    std::vector<LateWait> late_;                                       // of batches that are not complete
     std::unordered_map<uint64_t, Clock> fences_;
     std::unordered_map<uint64_t, EventSet> events_;
 };
