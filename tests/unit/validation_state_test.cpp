@@ -606,6 +606,9 @@ TEST_F(ValidationState, BuildsWithNullArrays)
     device.next.CmdBuildAccelerationStructuresIndirectKHR =
         [](VkCommandBuffer, uint32_t, const VkAccelerationStructureBuildGeometryInfoKHR *, const VkDeviceAddress *,
            const uint32_t *, const uint32_t *const *) {};
+    device.next.GetAccelerationStructureBuildSizesKHR =
+        [](VkDevice, VkAccelerationStructureBuildTypeKHR, const VkAccelerationStructureBuildGeometryInfoKHR *,
+           const uint32_t *, VkAccelerationStructureBuildSizesInfoKHR *) {};
     device.next.CmdBuildMicromapsEXT = [](VkCommandBuffer, uint32_t, const VkMicromapBuildInfoEXT *) {};
     VkAccelerationStructureGeometryKHR geometry{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR};
     geometry.geometryType = VK_GEOMETRY_TYPE_AABBS_KHR;

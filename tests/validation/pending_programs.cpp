@@ -278,9 +278,9 @@ void reachedBetween(Gpu &gpu, bool wrong)
     const auto values =
         vkInit<VkTimelineSemaphoreSubmitInfo>({.signalSemaphoreValueCount = 1, .pSignalSemaphoreValues = &five});
     Commands commands(gpu, [&](VkCommandBuffer c) { scene.build->record(c); });
-    commands.submit(VK_NULL_HANDLE, vkInit<VkSubmitInfo>({.pNext = &values,
-                                                          .signalSemaphoreCount = 1,
-                                                          .pSignalSemaphores = &semaphore}));
+    commands.submit(
+        VK_NULL_HANDLE,
+        vkInit<VkSubmitInfo>({.pNext = &values, .signalSemaphoreCount = 1, .pSignalSemaphores = &semaphore}));
     commands.await();
     if (!wrong)
         awaitValue(gpu, semaphore, 3);
@@ -299,10 +299,10 @@ void waitedForHost(Gpu &gpu, bool wrong)
     const auto values =
         vkInit<VkTimelineSemaphoreSubmitInfo>({.waitSemaphoreValueCount = 1, .pWaitSemaphoreValues = &one});
     Commands commands(gpu, [&](VkCommandBuffer c) { scene.build->record(c); });
-    commands.submit(VK_NULL_HANDLE, vkInit<VkSubmitInfo>({.pNext = &values,
-                                                          .waitSemaphoreCount = 1,
-                                                          .pWaitSemaphores = &semaphore,
-                                                          .pWaitDstStageMask = &stages}));
+    commands.submit(
+        VK_NULL_HANDLE,
+        vkInit<VkSubmitInfo>(
+            {.pNext = &values, .waitSemaphoreCount = 1, .pWaitSemaphores = &semaphore, .pWaitDstStageMask = &stages}));
     const auto signal = vkInit<VkSemaphoreSignalInfo>({.semaphore = semaphore, .value = one});
     VT_CHECK(vkSignalSemaphore(gpu.device(), &signal));
     commands.await();
@@ -366,6 +366,23 @@ void queried(Gpu &gpu, bool wrong)
         [&] { vkDestroyQueryPool(gpu.device(), pool, nullptr); });
 }
 
+void copied(Gpu &gpu, bool wrong)
+{
+    const Twins twins(gpu);
+    const VkQueryType type = micromapQueryType(gpu, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT);
+    const VkQueryPool pool = newPool(gpu, type);
+    const Buffer results(gpu, 16, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+    gpu.submit([&](VkCommandBuffer commands) {
+        recordMicromapProperties(gpu, commands, std::span(&twins.built, 1), type, pool, 0);
+    });
+    destroyPending(
+        gpu, wrong,
+        [&](VkCommandBuffer commands) {
+            vkCmdCopyQueryPoolResults(commands, pool, 0, 1, results.handle(), 0, 8, VK_QUERY_RESULT_64_BIT);
+        },
+        [&] { vkDestroyQueryPool(gpu.device(), pool, nullptr); });
+}
+
 // The pool is destroyed after the command was recorded.
 void resetLater(Gpu &gpu, bool wrong)
 {
@@ -410,6 +427,7 @@ constexpr WrongProgram kPrograms[] = {
     {kBuffer, Api::Khr, kNeedsNothing, waitedForHost, "WaitedForHost"},
     {kBuffer, Api::Khr, kNeedsNothing, waitedForByBinding, "WaitedForByBinding"},
     BOTH_APIS("VUID-vkDestroyQueryPool-queryPool-00793", queried, ""),
+    BOTH_APIS("VUID-vkDestroyQueryPool-queryPool-00793", copied, "Copied"),
     {"VUID-vkQueueSubmit-pCommandBuffers-00070", Api::Khr, kNeedsNothing, resetLater, "QueryPool"},
 };
 

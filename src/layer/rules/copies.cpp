@@ -205,6 +205,7 @@ struct Query {
     const RuleDevice &device;
     const PoolFacts &pool;
     [[nodiscard]] uint64_t count() const { return query.objects.size(); }
+    [[nodiscard]] bool isPoolKnown() const { return pool.kind == PoolFacts::Kind::Known; }
 };
 
 Found wrongType(const Query &c)
@@ -214,13 +215,13 @@ Found wrongType(const Query &c)
 }
 Found noPool(const Query &c)
 {
-    return when(!c.pool.exists, "it is no query pool, or was destroyed");
+    return when(c.pool.kind == PoolFacts::Kind::None, "it is no query pool, or was destroyed");
 }
 // Pools of both types of micromaps work in the same way.
 Found wrongPool(const Query &c)
 {
     return when(
-        c.pool.known && c.pool.type != c.query.type && !noPool(c),
+        c.isPoolKnown() && c.pool.type != c.query.type,
         [&] {
             const bool isKept = c.pool.type != VK_QUERY_TYPE_MAX_ENUM;
             return "it was created with " + (isKept ? "type " + nameOf(c.pool.type) : "another type") + ", not " +
@@ -230,7 +231,7 @@ Found wrongPool(const Query &c)
 }
 Found outsidePool(const Query &c)
 {
-    const bool right = c.pool.known && (c.pool.type == c.query.type || isMicromapQuery(c.pool.type));
+    const bool right = c.isPoolKnown() && (c.pool.type == c.query.type || isMicromapQuery(c.pool.type));
     return when(right && c.query.first + c.count() > c.pool.count, [&] {
         return std::to_string(c.query.first) + " and " + std::to_string(c.count()) + " queries; the pool has " +
                std::to_string(c.pool.count);

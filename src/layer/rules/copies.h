@@ -17,8 +17,8 @@ void checkCopy(const InputCheck &check, input::Copy &copy, const CopyFacts &fact
 void checkCopy(const InputCheck &check, input::SerializedCopy &copy, const ObjectFacts &object);
 
 struct PoolFacts {
-    bool known = true;
-    bool exists = true;
+    enum class Kind : uint8_t { Known, Unknown, None };
+    Kind kind = Kind::Known;
     VkQueryType type = VK_QUERY_TYPE_MAX_ENUM; // of pools that the layer does not keep: not one of its types
     uint32_t count = 0;
 };

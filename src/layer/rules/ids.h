@@ -20,8 +20,8 @@ inline constexpr const char *kAttachedCounts = "VELLUM-attachment-usage-counts";
 inline constexpr const char *kReference = "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12281";
 inline constexpr const char *kMicromapCompatible = "VUID-VkCopyMemoryToMicromapInfoEXT-src-07549";
 
-// vkCmdBuildAccelerationStructuresIndirectKHR has many rules of vkCmdBuildAccelerationStructuresKHR under ids of its own.
-// Checks name those of the direct command. Returns the id for a place, which begins with the name of the command.
+// vkCmdBuildAccelerationStructuresIndirectKHR has many rules of vkCmdBuildAccelerationStructuresKHR under ids of its
+// own. Checks name those of the direct command. Returns the id for a place, which begins with the name of the command.
 const char *idAt(std::string_view place, const char *id);
 
 } // namespace vellum::layer::rules::ids

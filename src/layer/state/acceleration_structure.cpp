@@ -60,7 +60,7 @@ constexpr GpuError kGpuErrorTexts[kGpuErrors] = {
     {rules::ids::kReference, "vkCmdBuildAccelerationStructuresKHR: an instance references no bottom-level structure; "
                              "such instances are inactive"},
     {rules::ids::kReference, "vkCmdBuildAccelerationStructuresIndirectKHR: an instance references no "
-                                     "bottom-level structure; such instances are inactive"},
+                             "bottom-level structure; such instances are inactive"},
 };
 
 // Makes the structure's address lead to the location's descriptor, with the location's mutex held. Naming one structure

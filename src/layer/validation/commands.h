@@ -149,6 +149,8 @@ VkResult createQueryPool(DeviceValidation &, VkDevice, const VkQueryPoolCreateIn
 void destroyQueryPool(DeviceValidation &, VkDevice, VkQueryPool, const VkAllocationCallbacks *);
 void resetQueryPool(DeviceValidation &, VkDevice, VkQueryPool, uint32_t, uint32_t);
 void cmdResetQueryPool(DeviceValidation &, VkCommandBuffer, VkQueryPool, uint32_t, uint32_t);
+void cmdCopyQueryPoolResults(DeviceValidation &, VkCommandBuffer, VkQueryPool, uint32_t, uint32_t, VkBuffer,
+                             VkDeviceSize, VkDeviceSize, VkQueryResultFlags);
 void cmdBeginQuery(DeviceValidation &, VkCommandBuffer, VkQueryPool, uint32_t, VkQueryControlFlags);
 void cmdBeginQueryIndexed(DeviceValidation &, VkCommandBuffer, VkQueryPool, uint32_t, VkQueryControlFlags, uint32_t);
 void cmdWriteMicromapsProperties(DeviceValidation &, VkCommandBuffer, uint32_t, const VkMicromapEXT *, VkQueryType,

@@ -70,6 +70,8 @@ void cmdCopyQueryPoolResultsToMemory(DeviceValidation &device, VkCommandBuffer c
     const CheckedRanges checked(device, commandBuffer, [&] {
         return count == 0 || ranges::checkQueryResults(device, commandBuffer, count, *range, flags, results);
     });
+    sync::recordUse(device.sync, commandBuffer, "vkCmdCopyQueryPoolResultsToMemoryKHR",
+                    device.objects.queryPools.get(pool));
     device.next.CmdCopyQueryPoolResultsToMemoryKHR(commandBuffer, pool, first, count, range, flags, results);
 }
 

@@ -99,7 +99,8 @@ void setDestroyed(DeviceValidation &device, ValidatedStructure &structure)
     setLost(device, structure, "was destroyed");
 }
 
-// Before an object is destroyed. `rule`: that commands which refer to it must be complete. `isTraced`: rays may meet it.
+// Before an object is destroyed. `rule`: that commands which refer to it must be complete. `isTraced`: rays may meet
+// it.
 void checkUnused(DeviceValidation &device, const char *command, const char *rule, const ReferredObject &object,
                  bool isTraced = true)
 {
@@ -162,7 +163,7 @@ void freeMemory(DeviceValidation &device, VkDevice handle, VkDeviceMemory memory
         buffers->visit([&](const std::shared_ptr<ValidatedBuffer> &buffer) {
             if (!buffer->destroyed)
                 checkUnused(device, "vkFreeMemory", "VUID-vkFreeMemory-memory-00677", *buffer,
-                        !buffer->structures.empty());
+                            !buffer->structures.empty());
             ++device.objects.bufferLosses;
             buffer->memory = VK_NULL_HANDLE;
             buffer->memoryFreed = true;
@@ -199,8 +200,7 @@ void destroyBuffer(DeviceValidation &device, VkDevice handle, VkBuffer buffer, c
 {
     device.buffers.addresses.remove(buffer);
     if (const auto known = device.objects.buffers.take(buffer)) {
-        checkUnused(device, "vkDestroyBuffer", "VUID-vkDestroyBuffer-buffer-00922", *known,
-                    !known->structures.empty());
+        checkUnused(device, "vkDestroyBuffer", "VUID-vkDestroyBuffer-buffer-00922", *known, !known->structures.empty());
         known->destroyed = true;
         ++device.objects.bufferLosses;
         loseStructures(device, *known, "has lost its buffer, which was destroyed");

@@ -74,15 +74,15 @@ void checkBegin(DeviceValidation &device, const char *name, VkQueryPool handle, 
 
 // Checks a command that writes properties of structures, and changes the pool's queries when it is executed.
 // `structures`: those of the query.
-input::PropertyQuery writeProperties(const RuleCheck &command, input::PropertyQuery query, VkQueryPool handle,
+input::PropertyQuery writeProperties(const RuleCheck &command, input::PropertyQuery query, const Pool &pool,
                                      std::vector<std::shared_ptr<ValidatedStructure>> &structures)
 {
     const QueryIds &ids = query.khr ? kKhrIds : kExtIds;
     const DeviceModel &device = command.device();
-    const Pool pool = device.objects.queryPools.get(handle);
     const auto count = static_cast<uint32_t>(query.objects.size());
-    const bool known = pool || !device.objects.anyUnknown;
-    rules::PoolFacts facts{.known = known, .exists = pool || !known};
+    rules::PoolFacts facts{.kind = pool                        ? rules::PoolFacts::Kind::Known
+                                   : device.objects.anyUnknown ? rules::PoolFacts::Kind::Unknown
+                                                               : rules::PoolFacts::Kind::None};
     if (pool) {
         facts.type = pool->type;
         facts.count = static_cast<uint32_t>(pool->states.size());
@@ -160,6 +160,19 @@ void cmdResetQueryPool(DeviceValidation &device, VkCommandBuffer commandBuffer, 
     device.next.CmdResetQueryPool(commandBuffer, pool, first, count);
 }
 
+void cmdCopyQueryPoolResults(DeviceValidation &device, VkCommandBuffer commandBuffer, VkQueryPool pool, uint32_t first,
+                             uint32_t count, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize stride,
+                             VkQueryResultFlags flags)
+{
+    const char *const name = "vkCmdCopyQueryPoolResults";
+    sync::recordUse(device.sync, commandBuffer, name, device.objects.queryPools.get(pool));
+    // At least one number of each query.
+    const VkDeviceSize number = (flags & VK_QUERY_RESULT_64_BIT) != 0 ? 8 : 4;
+    if (count > 0)
+        sync::recordWrite(device.sync, commandBuffer, name, buffer, offset, (count - 1) * stride + number);
+    device.next.CmdCopyQueryPoolResults(commandBuffer, pool, first, count, buffer, offset, stride, flags);
+}
+
 void cmdBeginQuery(DeviceValidation &device, VkCommandBuffer commandBuffer, VkQueryPool pool, uint32_t query,
                    VkQueryControlFlags flags)
 {
@@ -175,32 +188,34 @@ void cmdBeginQueryIndexed(DeviceValidation &device, VkCommandBuffer commandBuffe
 }
 
 void cmdWriteMicromapsProperties(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
-                                 const VkMicromapEXT *micromaps, VkQueryType type, VkQueryPool pool, uint32_t first)
+                                 const VkMicromapEXT *micromaps, VkQueryType type, VkQueryPool handle, uint32_t first)
 {
     const char *const name = "vkCmdWriteMicromapsPropertiesEXT";
     const Place place(name);
+    const Pool pool = device.objects.queryPools.get(handle);
     std::vector<std::shared_ptr<ValidatedStructure>> known;
     input::PropertyQuery query = writeProperties(RuleCheck(device, place, commandBuffer, commandBuffer),
                                                  input::parseQuery(count, micromaps, type, first), pool, known);
     sync::recordQuery(device.sync, commandBuffer, name, "pMicromaps", known);
-    sync::recordUse(device.sync, commandBuffer, name, device.objects.queryPools.get(pool));
+    sync::recordUse(device.sync, commandBuffer, name, pool);
     const input::Checked checked(micromaps, query);
-    device.next.CmdWriteMicromapsPropertiesEXT(commandBuffer, count, micromaps, type, pool, first);
+    device.next.CmdWriteMicromapsPropertiesEXT(commandBuffer, count, micromaps, type, handle, first);
 }
 
 void cmdWriteAccelerationStructuresProperties(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
                                               const VkAccelerationStructureKHR *structures, VkQueryType type,
-                                              VkQueryPool pool, uint32_t first)
+                                              VkQueryPool handle, uint32_t first)
 {
     const char *const name = "vkCmdWriteAccelerationStructuresPropertiesKHR";
     const Place place(name);
+    const Pool pool = device.objects.queryPools.get(handle);
     std::vector<std::shared_ptr<ValidatedStructure>> known;
     input::PropertyQuery query = writeProperties(RuleCheck(device, place, commandBuffer, commandBuffer),
                                                  input::parseQuery(count, structures, type, first), pool, known);
     sync::recordQuery(device.sync, commandBuffer, name, "pAccelerationStructures", known);
-    sync::recordUse(device.sync, commandBuffer, name, device.objects.queryPools.get(pool));
+    sync::recordUse(device.sync, commandBuffer, name, pool);
     const input::Checked checked(structures, query);
-    device.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, count, structures, type, pool, first);
+    device.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, count, structures, type, handle, first);
 }
 
 } // namespace validation

@@ -142,7 +142,8 @@ BrokenRule instanceRule(GpuChecks &gpu, const Finding &f)
     default: break;
     }
     if (what) {
-        const bool indirect = f.site >> kSiteCommandShift == static_cast<uint32_t>(SiteCommand::BuildStructuresIndirect);
+        const bool indirect =
+            f.site >> kSiteCommandShift == static_cast<uint32_t>(SiteCommand::BuildStructuresIndirect);
         gpu.pending.found(1u << (indirect ? kGpuErrorNoBottomLevelIndirect : kGpuErrorNoBottomLevel));
         return {rules::ids::kReference, "the structure at accelerationStructureReference " + address + what};
     }

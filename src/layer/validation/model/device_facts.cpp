@@ -95,13 +95,12 @@ DeviceFacts factsOf(const Driver &driver, const VkDeviceCreateInfo &info)
                                        &VkPhysicalDeviceBufferDeviceAddressFeatures::bufferDeviceAddressMultiDevice,
                                        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES,
                                        &VkPhysicalDeviceVulkan12Features::bufferDeviceAddressMultiDevice);
-    constexpr const char *kWaits[] = {"VK_KHR_present_wait",           "VK_KHR_present_wait2",
-                                      "VK_KHR_external_fence_fd",      "VK_KHR_external_fence_win32",
-                                      "VK_KHR_external_semaphore_fd",  "VK_KHR_external_semaphore_win32",
-                                      "VK_FUCHSIA_external_semaphore", "VK_EXT_metal_objects",
-                                      "VK_KHR_win32_keyed_mutex",      "VK_NV_win32_keyed_mutex",
-                                      "VK_NV_external_sci_sync",       "VK_NV_external_sci_sync2",
-                                      "VK_GOOGLE_display_timing",      "VK_EXT_present_timing"};
+    constexpr const char *kWaits[] = {
+        "VK_KHR_present_wait",           "VK_KHR_present_wait2",         "VK_KHR_external_fence_fd",
+        "VK_KHR_external_fence_win32",   "VK_KHR_external_semaphore_fd", "VK_KHR_external_semaphore_win32",
+        "VK_FUCHSIA_external_semaphore", "VK_EXT_metal_objects",         "VK_KHR_win32_keyed_mutex",
+        "VK_NV_win32_keyed_mutex",       "VK_NV_external_sci_sync",      "VK_NV_external_sci_sync2",
+        "VK_GOOGLE_display_timing",      "VK_EXT_present_timing"};
     facts.waitsElsewhere =
         std::ranges::any_of(kWaits, [&info](const char *extension) { return enables(info, extension); });
     const auto *group =

@@ -327,7 +327,8 @@ void checkAttachments(const RuleCheck &check, const input::StructureBuild &build
             continue;
         const Place element = check.place().element("pGeometries", g);
         const Place place = element.member("geometry.triangles");
-        checkConstructed(check.at(place), micromap, attachment->khr ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11701"
+        checkConstructed(check.at(place), micromap,
+                         attachment->khr ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11701"
                                          : "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11632");
         checkUsages(check.at(place), *attachment, micromap);
         if (attachment->khr)
@@ -405,14 +406,17 @@ const char *brokenBy(const GeometryContents &before, const UpdatedGeometry &now,
     }
     if (before.micromapHandle.handle == 0) {
         text = "the geometry was built with VK_NULL_HANDLE as its micromap; the update differs";
-        return !now.attaches || now.handle.handle != 0 ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11626" : nullptr;
+        return !now.attaches || now.handle.handle != 0 ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11626"
+                                                       : nullptr;
     }
     text = kLosesMicromap;
     if (!now.attaches || now.handle.handle == 0)
         return "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11625";
     text = kOtherMicromap;
     const bool replaces = (flags & (kReplaces | kReplacesData)) != 0;
-    return !replaces && before.micromap.lock() != now.micromap ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11629" : nullptr;
+    return !replaces && before.micromap.lock() != now.micromap
+               ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11629"
+               : nullptr;
 }
 
 void checkGeometryUpdate(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source, uint32_t g,

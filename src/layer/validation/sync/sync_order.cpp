@@ -266,8 +266,8 @@ uint64_t beginBatch(DeviceSync &sync, VkQueue queue, const std::vector<Semaphore
         return 0;
     // The host may know that batches of other queues are complete by means that are not followed.
     const bool elsewhere = sync.device.facts.waitsElsewhere;
-    const uint64_t number = sync.tracker.beginBatch(
-        uint64_t(queue), sync.device.objects.queueFamilies.get(queue), waits, ordered && !elsewhere);
+    const uint64_t number = sync.tracker.beginBatch(uint64_t(queue), sync.device.objects.queueFamilies.get(queue),
+                                                    waits, ordered && !elsewhere);
     return elsewhere ? 0 : number;
 }
 
