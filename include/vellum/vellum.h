@@ -342,6 +342,17 @@ typedef struct VellumGeometryInfo {
 // number.
 VELLUM_API VellumResult vellumGetGeometryInfo(const VellumMicromap *micromap, size_t input, VellumGeometryInfo *info);
 
+// Writes indices as unsigned integers of 1, 2 or 4 bytes, special ones in two's complement, as Vulkan, D3D12, OptiX and
+// glTF read them (docs/apis.md). 1 byte holds indices into 252 triangles, 2 bytes those into 65,532.
+//
+//   indices     indexCount indices, such as those of VellumGeometryInfo
+//   indexSize   1, 2 or 4
+//   output      receives indexCount * indexSize bytes, in the byte order of the machine; no alignment is needed
+//
+// VELLUM_ERROR_INVALID_ARGUMENT: a pointer is null, another size, or an index that is below -4 or does not fit. The output
+// is undefined then.
+VELLUM_API VellumResult vellumWriteIndices(const int32_t *indices, size_t indexCount, uint32_t indexSize, void *output);
+
 // Looks up the state at a point of a triangle, as a ray does.
 //
 //   triangle  0 to indexCount - 1

@@ -2,7 +2,10 @@
 // The functions of vellum/vellum.h.
 #include "vellum/vellum.h"
 
+#include <cstring>
+#include <limits>
 #include <memory>
+#include <span>
 
 #include "bake/bake.h"
 #include "library/call.h"
@@ -51,6 +54,22 @@ std::unique_ptr<VellumMicromap> bakeAll(const Inputs &inputs, const VellumBakeOp
         throw BakeCancelled();
     countUsages(inputs.get(), *made);
     return made;
+}
+
+template <typename Index>
+VellumResult writeIndices(std::span<const int32_t> indices, void *output)
+{
+    auto *bytes = static_cast<unsigned char *>(output);
+    for (const int32_t index : indices) {
+        // The four highest values of each type are special.
+        constexpr uint32_t kHighest = std::numeric_limits<Index>::max() - 4u;
+        if (index < 0 ? index < VELLUM_SPECIAL_INDEX_FULLY_UNKNOWN_OPAQUE : static_cast<uint32_t>(index) > kHighest)
+            return VELLUM_ERROR_INVALID_ARGUMENT;
+        const auto written = static_cast<Index>(index);
+        std::memcpy(bytes, &written, sizeof written);
+        bytes += sizeof written;
+    }
+    return VELLUM_SUCCESS;
 }
 
 } // namespace
@@ -135,6 +154,19 @@ VellumResult vellumGetGeometryInfo(const VellumMicromap *micromap, size_t input,
         values.usageCount = geometry.usages.size();
         fill(info, values);
     });
+}
+
+VellumResult vellumWriteIndices(const int32_t *indices, size_t indexCount, uint32_t indexSize, void *output)
+{
+    if (indices == nullptr || output == nullptr)
+        return VELLUM_ERROR_INVALID_ARGUMENT;
+    const std::span all(indices, indexCount);
+    switch (indexSize) {
+    case 1: return writeIndices<uint8_t>(all, output);
+    case 2: return writeIndices<uint16_t>(all, output);
+    case 4: return writeIndices<uint32_t>(all, output);
+    default: return VELLUM_ERROR_INVALID_ARGUMENT;
+    }
 }
 
 VellumResult vellumGetState(const VellumMicromap *micromap, size_t triangle, float u, float v, uint32_t *state)

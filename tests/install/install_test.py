@@ -23,7 +23,7 @@ SANITIZERS = ["-fsanitize=address,undefined"]
 WARNINGS = ["-Wall", "-Wextra", "-Werror", "-pedantic"]
 FUNCTIONS = {"vellumBake", "vellumDestroyMicromap", "vellumGetGeometryInfo", "vellumGetMicromapInfo", "vellumGetState",
              "vellumGetVersion", "vellumInitBakeInput", "vellumInitBakeOptions", "vellumInitTexture",
-             "vellumResultName"}
+             "vellumResultName", "vellumWriteIndices"}
 SPIRV_FUNCTIONS = {"vellumDestroySpirv", "vellumEditSpirv", "vellumGetSpirvEntryPointInfo", "vellumGetSpirvInfo",
                    "vellumInitSpirvOptions"}
 GLTF_FUNCTIONS = {"vellumBakeGltf", "vellumCheckGltf", "vellumDestroyGltf", "vellumFindGltfPrimitive",
