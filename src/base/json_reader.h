@@ -34,6 +34,11 @@ public:
             throw Error(std::string("no string \"") + name + "\"");
         return {member->value.GetString(), member->value.GetStringLength()};
     }
+    // Empty if there is no such member.
+    [[nodiscard]] std::string textOr(const char *name) const
+    {
+        return document_.HasMember(name) ? textOf(document_, name) : std::string();
+    }
     [[nodiscard]] uint64_t hexNumber(const char *name) const
     {
         const std::optional<uint64_t> number = parseHexadecimal(text(name));

@@ -13,6 +13,7 @@
 #include "base/progress.h"
 #include "base/text.h"
 #include "cli/base/exit_code.h"
+#include "cli/check/merge.h"
 #include "cli/check/results.h"
 #include "cli/check/runner.h"
 #include "cli/check/schedule.h"
@@ -81,6 +82,7 @@ CaseSelection selectionOf(const CheckOptions &options)
     selection.filters = options.filters;
     selection.quick = options.quick;
     selection.endless = options.minutes.has_value();
+    selection.shard = options.shard;
     if (options.caseList) {
         selection.list = readCaseList(*options.caseList);
         selection.listed = true;
@@ -165,6 +167,71 @@ int printGroups(bool asJson)
     return static_cast<int>(ExitCode::Success);
 }
 
+// A full disk does not end the run: `error` is what went wrong last.
+template <typename Write>
+void tryToWrite(std::string &error, Write &&write)
+{
+    try {
+        write();
+    } catch (const Error &caught) {
+        error = caught.what();
+    }
+}
+
+// Prints the results, and writes them wherever the options say. Throws Error when everything that can be written is
+// written. `error`: of writing before.
+void publish(const CheckOptions &options, const OutputFolder &folder, const RunFacts &facts,
+             const std::vector<CaseResult> &results, std::string error = {})
+{
+    std::fputs((options.json ? resultsJson(facts, results) : resultsTable(facts, results)).c_str(), stdout);
+    std::fflush(stdout);
+    tryToWrite(error, [&] { folder.writeResults(facts, results); });
+    if (options.results)
+        tryToWrite(error, [&] { writeText(*options.results, resultsCsv(results)); });
+    if (options.junit)
+        tryToWrite(error, [&] { writeText(*options.junit, junitXml(facts, results)); });
+    if (!error.empty())
+        throw Error(error);
+}
+
+// Why nothing was tested; empty where something was.
+std::string notTested(const std::vector<CaseResult> &results)
+{
+    const auto skipped = [](const CaseResult &result) { return result.status == check::Status::Skip; };
+    if (!std::all_of(results.begin(), results.end(), skipped))
+        return {};
+    return results.empty() ? "no case has ended in time"
+                           : "all cases were skipped, the first because: " + results.front().cause();
+}
+
+int exitCodeOf(const std::vector<CaseResult> &results)
+{
+    if (!std::ranges::all_of(results, isSuccess, &CaseResult::verdict))
+        return static_cast<int>(ExitCode::Failed);
+    if (const std::string why = notTested(results); !why.empty()) {
+        std::fprintf(stderr, "vellum: nothing was tested: %s\n", why.c_str());
+        return static_cast<int>(ExitCode::NotRun);
+    }
+    return static_cast<int>(ExitCode::Success);
+}
+
+int merge(const CheckOptions &options)
+{
+    std::error_code error;
+    for (const std::filesystem::path &run : options.merge)
+        if (std::filesystem::equivalent(run, options.output, error))
+            throw UsageError(utf8Text(run) + " has results that are to be merged; --output names another folder");
+    MergedRuns merged = mergeRuns(options.merge);
+    const OutputFolder output(options.output, options.force);
+    copyFailures(merged, output);
+    publish(options, output, merged.facts, merged.results);
+    const int code = exitCodeOf(merged.results);
+    if (merged.incomplete.empty())
+        return code;
+    std::fprintf(stderr, "vellum: the results are not whole: %s\n", merged.incomplete.c_str());
+    return code == static_cast<int>(ExitCode::Success) ? static_cast<int>(ExitCode::NotRun) : code;
+}
+
 // Collects the results and writes them.
 class Results
 {
@@ -174,6 +241,8 @@ public:
     {
         facts_.device = device;
         facts_.seed = options.seed;
+        if (options.shard.count > 1)
+            facts_.shard = fmt::format("{}/{}", options.shard.number, options.shard.count);
         facts_.plan = planOf(casesOf(selection));
     }
 
@@ -194,8 +263,9 @@ public:
         std::replace_if(details.cause.begin(), details.cause.end(), isControl, '?'); // a driver may have printed it
         const bool ran = finished.verdict != Verdict::Missing && finished.verdict != Verdict::ExpectedFail;
         if (ran && result.status != check::Status::Pass && result.status != check::Status::Skip)
-            tryToWrite(
-                [&] { details.reproducer = folder_.writeFailure(finished, seedOf(options_.seed, finished.id)); });
+            tryToWrite(error_, [&] {
+                details.reproducer = folder_.writeFailure(finished, seedOf(options_.seed, finished.id));
+            });
         result.details = std::make_shared<CaseResult::Details>(std::move(details));
         if (!isSuccess(result.verdict) && announced_.insert(causeOf(result)).second)
             std::fprintf(stderr, "%s%s: %s\n", isTerminal(stderr) ? "\r\033[K" : "", nameOf(result.id).c_str(),
@@ -208,7 +278,7 @@ public:
         if (seconds < nextWrite_ || results_.empty())
             return;
         nextWrite_ = seconds + kSecondsBetweenWrites;
-        tryToWrite([&] { folder_.writeResults(facts_, results_); });
+        tryToWrite(error_, [&] { folder_.writeResults(facts_, results_); });
     }
 
     // Throws Error when everything that can be written is written.
@@ -216,43 +286,22 @@ public:
     {
         facts_.seconds = seconds;
         facts_.interrupted = interrupted;
-        std::fputs((options_.json ? resultsJson(facts_, results_) : resultsTable(facts_, results_)).c_str(), stdout);
-        std::fflush(stdout);
-        tryToWrite([&] { folder_.writeResults(facts_, results_); });
-        if (options_.results)
-            tryToWrite([&] { writeText(*options_.results, resultsCsv(results_)); });
-        if (options_.junit)
-            tryToWrite([&] { writeText(*options_.junit, junitXml(facts_, results_)); });
-        if (!error_.empty())
-            throw Error(error_);
+        publish(options_, folder_, facts_, results_, error_);
     }
 
     [[nodiscard]] size_t size() const { return results_.size(); }
     [[nodiscard]] size_t failures() const { return failures_; }
-    // Why nothing was tested; empty where something was.
-    [[nodiscard]] std::string notTested() const
+    // An empty shard has no case, and is no failure.
+    [[nodiscard]] int exitCode() const
     {
-        const auto skipped = [](const CaseResult &result) { return result.status == check::Status::Skip; };
-        if (!std::all_of(results_.begin(), results_.end(), skipped))
-            return {};
-        if (results_.empty())
-            return "no case has ended in time";
-        return "all cases were skipped, the first because: " + results_.front().cause();
+        if (!facts_.plan.empty() || facts_.shard.empty())
+            return exitCodeOf(results_);
+        std::fprintf(stderr, "vellum: shard %s has no cases\n", facts_.shard.c_str());
+        return static_cast<int>(ExitCode::Success);
     }
 
 private:
     static bool isControl(char c) { return static_cast<unsigned char>(c) < ' ' || c == 0x7f; }
-    // A full disk does not end the run.
-    template <typename Write>
-    void tryToWrite(Write &&write)
-    {
-        try {
-            write();
-        } catch (const Error &error) {
-            error_ = error.what();
-        }
-    }
-
     const CheckOptions &options_;
     OutputFolder folder_;
     RunFacts facts_;
@@ -345,13 +394,7 @@ int runCases(const CheckOptions &options, const DeviceSummary &device, CaseSelec
         Interruptible::die();
     if (!error.empty())
         throw Error("the run ended early: " + error);
-    if (results.failures() != 0)
-        return static_cast<int>(ExitCode::Failed);
-    if (const std::string why = results.notTested(); !why.empty()) {
-        std::fprintf(stderr, "vellum: nothing was tested: %s\n", why.c_str());
-        return static_cast<int>(ExitCode::NotRun);
-    }
-    return static_cast<int>(ExitCode::Success);
+    return results.exitCode();
 }
 
 // The case of --replay.
@@ -401,6 +444,8 @@ int checkCommand(const CheckOptions &options)
         return printGroups(options.json);
     if (options.list)
         return list(options);
+    if (!options.merge.empty())
+        return merge(options);
     const Interruptible interruptible;
     prepareEnvironment(options);
     CaseSelection selection = selectionOf(options);
@@ -410,7 +455,9 @@ int checkCommand(const CheckOptions &options)
         selection.apis = {selection.list.front().api};
     }
     const Expectations expectations = expectationsOf(options);
-    if (makeSchedule(selection).streams() == 0)
+    CaseSelection all = selection; // a shard may be empty
+    all.shard = {};
+    if (makeSchedule(all).streams() == 0)
         throw UsageError("no case is selected; vellum check --list prints them");
     DeviceSummary device;
     try {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "gpu/device_selection.h"
+#include "job/shard.h"
 
 namespace vellum::cli
 {
@@ -26,6 +27,8 @@ struct CheckOptions {
     std::vector<std::filesystem::path> skips;
     std::vector<std::filesystem::path> flakes;
     std::optional<double> minutes;
+    job::Shard shard;
+    std::vector<std::filesystem::path> merge; // folders of runs
     bool quick = false;
     bool failFast = false;
     uint32_t jobs = 1;

@@ -39,6 +39,9 @@ Examples:
       new cases of one group for an hour
   vellum check --replay vellum-check/failures/khr.updates.0012.json
       one failure again
+  vellum check --quick --shard 2/8 -o results-2
+  vellum check --merge results-* -o results
+      one of eight machines, and then the results of all; it fails where a shard is missing
 )";
 
 constexpr uint32_t kMostJobs = 4; // without --jobs
@@ -58,10 +61,19 @@ void declareSelection(CLI::App &command, CheckOptions &options)
         .add_option("--minutes", options.minutes, "Run for this long, shared by all groups; new cases without an end")
         ->check(between(0.001, 100000))
         ->type_name("MINUTES");
+    command
+        .add_option_function<std::string>(
+            "--shard", [&options](const std::string &text) { options.shard = job::parseShard(text); },
+            "Only the cases of part K of N, of which each machine runs another; --merge puts them together")
+        ->type_name("K/N");
     command.add_flag("--fail-fast", options.failFast, "End with the first failure");
     command.add_option("--seed", options.seed, "Another number makes other cases [1]")
         ->check(wholeBetween(0, UINT64_MAX))
         ->type_name("NUMBER");
+    command
+        .add_option("--merge", options.merge,
+                    "Instead of running cases, put together the results of runs in these folders, such as all shards")
+        ->type_name("FOLDER...");
     command.add_option("--replay", options.replay, "Run the case of this file, which an earlier run wrote")
         ->type_name("FILE");
     command.add_flag("--list", options.list, "Print the names of the cases instead of running them");
@@ -123,6 +135,9 @@ void checkTogether(const CheckOptions &options)
     if (options.replay &&
         (options.list || options.quick || options.minutes || options.caseList || !options.filters.empty()))
         throw UsageError("--replay runs one case, so it takes no option that selects cases");
+    if (!options.merge.empty() && (options.list || options.groups || options.quick || options.minutes ||
+                                   options.caseList || options.replay || !options.filters.empty()))
+        throw UsageError("--merge runs no cases, so it takes no option that selects cases");
     if (options.results)
         checkSuffix(*options.results, {".csv"});
     if (options.junit)

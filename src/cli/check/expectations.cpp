@@ -30,16 +30,6 @@ constexpr std::pair<Verdict, const char *> kVerdicts[] = {
     {Verdict::ImprovedToSkip, "UnexpectedImprovement(Skip)"},
 };
 
-std::optional<Verdict> parseVerdict(const std::string &text)
-{
-    // deqp-runner has these too, but no case here does.
-    if (text == "Warn" || text == "UnexpectedImprovement(Warn)")
-        return Verdict::Pass;
-    const auto *const found =
-        std::find_if(std::begin(kVerdicts), std::end(kVerdicts), [&](const auto &v) { return text == v.second; });
-    return found != std::end(kVerdicts) ? std::optional(found->first) : std::nullopt;
-}
-
 // deqp-runner's rules.
 Verdict compare(Verdict verdict, Verdict baseline)
 {
@@ -73,6 +63,25 @@ Verdict verdictOf(check::Status status)
 }
 
 } // namespace
+
+std::optional<Verdict> parseVerdict(const std::string &text)
+{
+    // deqp-runner has these too, but no case here does.
+    if (text == "Warn" || text == "UnexpectedImprovement(Warn)")
+        return Verdict::Pass;
+    const auto *const found =
+        std::find_if(std::begin(kVerdicts), std::end(kVerdicts), [&](const auto &v) { return text == v.second; });
+    return found != std::end(kVerdicts) ? std::optional(found->first) : std::nullopt;
+}
+
+check::Status parseStatus(const std::string &text)
+{
+    using enum check::Status;
+    for (const check::Status status : {Pass, Fail, Skip, Crash, Timeout, DeviceLost})
+        if (text == nameOf(status))
+            return status;
+    return Crash; // "Missing"
+}
 
 const char *nameOf(check::Status status)
 {

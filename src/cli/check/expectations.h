@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <optional>
 #include <regex>
 #include <string>
 #include <vector>
@@ -33,6 +34,10 @@ enum class Verdict {
 };
 // The name in results.csv.
 const char *nameOf(Verdict verdict);
+// Nothing for another text.
+std::optional<Verdict> parseVerdict(const std::string &text);
+// The status of results.json; that of a case that was not run is Crash.
+check::Status parseStatus(const std::string &text);
 bool isSuccess(Verdict verdict);
 // Better than the baseline. No success: the baseline is to be updated.
 bool isImprovement(Verdict verdict);

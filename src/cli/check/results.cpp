@@ -301,6 +301,8 @@ std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &re
     json.member("device", facts.device.name).member("implementation", facts.device.implementation);
     json.member("seed", std::to_string(facts.seed)).member("seconds", facts.seconds);
     json.member("interrupted", facts.interrupted);
+    if (!facts.shard.empty())
+        json.member("shard", facts.shard);
     json.list("knownFaults", facts.device.knownFaults, [&](const DeviceSummary::Fault &fault) {
         json.beginObject().member("fault", fault.text).member("response", fault.response).end();
     });
@@ -366,7 +368,6 @@ std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &r
 namespace
 {
 
-constexpr const char *kResults = "results.json";
 constexpr const char *kFailures = "failures";
 
 } // namespace
@@ -382,7 +383,7 @@ OutputFolder::OutputFolder(std::filesystem::path path, bool force) : path_(std::
     if (std::filesystem::exists(path_, error) && !std::filesystem::is_directory(path_, error))
         throw Error(utf8Text(path_) + " cannot be written: it is not a directory");
     const bool foreign = std::filesystem::is_directory(path_, error) && !std::filesystem::is_empty(path_, error) &&
-                         !std::filesystem::exists(path_ / kResults, error);
+                         !std::filesystem::exists(path_ / kResultsFile, error);
     if (foreign && !force)
         throw Error(utf8Text(path_) + " has files that vellum check did not write; --force writes into it");
     std::filesystem::create_directories(path_ / kFailures, error);
@@ -395,7 +396,7 @@ std::string OutputFolder::writeFailure(const Finished &finished, uint64_t seed)
     if (++written_[causeOf(finished.outcome)] > kMostReproducers)
         return {};
     const std::string name = nameOf(finished.id);
-    const std::filesystem::path path = path_ / kFailures / (name + ".json");
+    const std::filesystem::path path = reproducerIn(path_, finished.id);
     // Larger cases are not shrunk: the seed makes them.
     const std::string &shrunk = finished.outcome.reproducer;
     writeText(path, write(Reproducer{name, finished.id.api, std::string(finished.id.group->name), seed,
@@ -405,12 +406,32 @@ std::string OutputFolder::writeFailure(const Finished &finished, uint64_t seed)
     return utf8Text(path);
 }
 
+std::filesystem::path OutputFolder::reproducerIn(const std::filesystem::path &folder, const CaseId &id)
+{
+    return folder / kFailures / (nameOf(id) + ".json");
+}
+
+std::string OutputFolder::copyFailure(const std::filesystem::path &from, const CaseId &id) const
+{
+    std::error_code error;
+    for (const auto &entry : std::filesystem::directory_iterator(from, error)) {
+        const std::filesystem::path file = entry.path().filename();
+        if (!utf8Text(file).starts_with(nameOf(id) + "."))
+            continue;
+        const std::filesystem::path copy = path_ / kFailures / file;
+        std::filesystem::copy_file(entry.path(), copy, std::filesystem::copy_options::overwrite_existing, error);
+        if (error)
+            throw Error(utf8Text(copy) + " cannot be written: " + error.message());
+    }
+    return utf8Text(reproducerIn(path_, id));
+}
+
 void OutputFolder::writeResults(const RunFacts &facts, const std::vector<CaseResult> &results) const
 {
     writeText(path_ / "results.csv", resultsCsv(results));
     writeText(path_ / "failures.csv", failuresCsv(results));
     writeText(path_ / "junit.xml", junitXml(facts, results));
-    writeText(path_ / kResults, resultsJson(facts, results));
+    writeText(path_ / kResultsFile, resultsJson(facts, results));
 }
 
 } // namespace vellum::cli

@@ -90,7 +90,11 @@ struct RunFacts {
     std::vector<PlannedGroup> plan;
     double seconds = 0;
     bool interrupted = false;
+    std::string shard; // of --shard; empty: without
 };
+
+// The file of a run's folder that has everything, and in which another run recognizes the folder.
+inline constexpr const char *kResultsFile = "results.json";
 
 // deqp-runner's results.csv: name,status,seconds, by name.
 std::string resultsCsv(const std::vector<CaseResult> &results);
@@ -114,6 +118,11 @@ public:
     // Writes the reproducer of a failure and its account, for the first failures with each cause. Returns its path;
     // empty if none was written.
     std::string writeFailure(const Finished &finished, uint64_t seed);
+    // The file of a failure in the folder of a run.
+    static std::filesystem::path reproducerIn(const std::filesystem::path &folder, const CaseId &id);
+    // Copies the files of a failure from another folder that has its reproducer. Returns the path of the copy. Throws
+    // Error.
+    [[nodiscard]] std::string copyFailure(const std::filesystem::path &from, const CaseId &id) const;
     // Writes results.csv, failures.csv, junit.xml and results.json. Throws Error.
     void writeResults(const RunFacts &facts, const std::vector<CaseResult> &results) const;
 

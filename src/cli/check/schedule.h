@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "cli/check/case_id.h"
+#include "job/shard.h"
 
 namespace vellum::cli
 {
@@ -84,6 +85,8 @@ struct CaseSelection {
     bool listed = false;
     bool quick = false; // the first cases of each group
     bool endless = false;
+    job::Shard
+        shard; // of each group the cases whose numbers have the same rest, so that shards take about the same time
 
     [[nodiscard]] bool accepts(const CaseId &id) const;
 };

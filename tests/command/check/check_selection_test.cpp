@@ -240,6 +240,73 @@ TEST_F(CheckSelection, Replay)
     EXPECT_EQ(passes.exitCode, 0) << passes.errors;
 }
 
+TEST_F(CheckSelection, ShardsTogetherAreTheWholeRun)
+{
+    const std::vector<std::string> cases = {"--filter", "*.good.*", "--filter", "khr.bad.*", "--filter", "khr.skip.*"};
+    const CheckRun whole = run(cases);
+    EXPECT_EQ(whole.outcome.exitCode, 1);
+    const auto folder = [&](const std::string &name) { return (folder_ / name).string(); };
+    std::vector<std::string> merge = {"check", "--output", folder("all"), "--json", "--merge"};
+    size_t results = 0;
+    for (const std::string shard : {"1", "2", "3"}) {
+        std::vector<std::string> one = {"check", "--shard", shard + "/3", "--output", folder(shard)};
+        one.insert(one.end(), cases.begin(), cases.end());
+        EXPECT_NE(runVellum(one).exitCode, 2);
+        const size_t own = statusesIn(folder_ / shard / "results.csv").size();
+        EXPECT_GT(own, whole.results.size() / 3 - 2);
+        results += own;
+        merge.push_back(folder(shard));
+    }
+    EXPECT_EQ(results, whole.results.size());
+    const Outcome merged = runVellum(merge);
+    EXPECT_EQ(merged.exitCode, 1) << merged.errors;
+    EXPECT_EQ(statusesIn(folder_ / "all/results.csv"), whole.results);
+    EXPECT_EQ(statusesIn(folder_ / "all/failures.csv"), whole.failures);
+    EXPECT_NE(merged.output.find(R"("cause": "Fail: )"), std::string::npos) << merged.output;
+    for (const char *file : {"khr.bad.0000.json", "khr.bad.0000.txt", "khr.bad.0000.png"})
+        EXPECT_EQ(textOf(folder_ / "all/failures" / file), textOf(folder_ / "out/failures" / file)) << file;
+    EXPECT_EQ(runVellum({"check", "--replay", folder("all") + "/failures/khr.bad.0000.json"}).exitCode, 1);
+}
+
+TEST_F(CheckSelection, ShardsWithoutCases)
+{
+    const CheckRun empty = run({"--filter", "khr.good.0000", "--shard", "2/9"});
+    const CheckRun other = run({"--filter", "khr.good.0000", "--shard", "1/9"});
+    EXPECT_EQ(empty.outcome.exitCode, 0) << empty.outcome.errors;
+    EXPECT_EQ(empty.outcome.errorLines(), 1) << empty.outcome.errors;
+    EXPECT_EQ(empty.results.size() + other.results.size(), 1U);
+}
+
+TEST_F(CheckSelection, RunsThatAreNotMerged)
+{
+    const auto folder = [&](const std::string &name) { return (folder_ / name).string(); };
+    const auto make = [&](const std::string &name, const std::vector<std::string> &more) {
+        std::vector<std::string> all = {"check", "--filter", "khr.good.*", "--output", folder(name)};
+        all.insert(all.end(), more.begin(), more.end());
+        EXPECT_EQ(runVellum(all).exitCode, 0);
+    };
+    make("first", {"--shard", "1/2"});
+    make("seed", {"--shard", "2/2", "--seed", "2"});
+    make("third", {"--shard", "3/3"});
+    make("whole", {});
+    const Outcome missing = runVellum({"check", "--output", folder("all"), "--merge", folder("first")});
+    EXPECT_EQ(missing.exitCode, 125);
+    EXPECT_NE(missing.errors.find("of 2 shards these are missing: 2"), std::string::npos) << missing.errors;
+    EXPECT_FALSE(statusesIn(folder_ / "all/results.csv").empty());
+    for (const std::string other : {"first", "seed", "third", "whole", "none"}) {
+        const Outcome wrong = runVellum({"check", "--output", folder("x"), "--merge", folder("first"), folder(other)});
+        EXPECT_EQ(wrong.exitCode, 2) << other;
+        EXPECT_EQ(wrong.errorLines(), 1) << wrong.errors;
+        EXPECT_FALSE(std::filesystem::exists(folder_ / "x")) << other;
+    }
+    const std::string results = textOf(folder_ / "whole/results.json");
+    for (size_t bytes = 0; bytes < results.size(); bytes += 1 + results.size() / 50) {
+        writeFile(folder_ / "cut.json", results.substr(0, bytes));
+        EXPECT_EQ(runVellum({"check", "--output", folder("x"), "--merge", folder("cut.json")}).exitCode, 2) << bytes;
+    }
+    EXPECT_EQ(runVellum({"check", "--output", folder("whole"), "--merge", folder("whole")}).exitCode, 2);
+}
+
 TEST_F(CheckSelection, OtherFilesStay)
 {
     std::filesystem::create_directory(folder_ / "out");
@@ -263,6 +330,9 @@ TEST_F(CheckSelection, WrongCommandLines)
     const std::string good = "khr.good.0000\n";
     const std::vector<std::vector<std::string>> wrong = {
         {"--filter", "khr.none.*"},
+        {"--shard", "0/3"},
+        {"--shard", "4/3"},
+        {"--merge", folder_.path().string(), "--quick"},
         {"--filter", "khr.good.*", "--filter", "khr.none.*"},
         {"--filter", "khr.none.*", "--minutes", "1"},
         {"--filter", "khr.none.*", "--list"},

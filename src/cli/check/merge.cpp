@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/check/merge.h"
+
+#include <algorithm>
+#include <exception>
+#include <map>
+#include <optional>
+#include <set>
+
+#include "base/error.h"
+#include "base/json_reader.h"
+#include "cli/base/files.h"
+#include "core/utf8_path.h"
+#include "job/shard.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+struct Run {
+    std::filesystem::path folder;
+    RunFacts facts;
+    std::optional<job::Shard> shard;
+    std::vector<CaseResult> results;
+};
+
+double numberOf(const rapidjson::Value &object, const char *name)
+{
+    const auto member = object.FindMember(name);
+    if (member == object.MemberEnd() || !member->value.IsNumber())
+        throw Error(std::string("no number \"") + name + "\"");
+    return member->value.GetDouble();
+}
+
+std::string textOr(const rapidjson::Value &object, const char *name)
+{
+    return object.HasMember(name) ? JsonReader::textOf(object, name) : std::string();
+}
+
+CaseResult caseOf(const rapidjson::Value &object)
+{
+    const std::string name = JsonReader::textOf(object, "case");
+    const std::optional<CaseId> id = parseCase(name);
+    const std::optional<Verdict> verdict = parseVerdict(JsonReader::textOf(object, "result"));
+    if (!id || !verdict)
+        throw Error("no case and result of this version: " + name);
+    CaseResult result{.id = *id,
+                      .status = parseStatus(JsonReader::textOf(object, "status")),
+                      .verdict = *verdict,
+                      .seconds = numberOf(object, "seconds"),
+                      .rays = static_cast<uint64_t>(numberOf(object, "rays"))};
+    if (const std::string cause = textOr(object, "cause"); !cause.empty())
+        result.details = std::make_shared<CaseResult::Details>(CaseResult::Details{cause, {}, {}});
+    return result;
+}
+
+// The texts of the first cases of each cause, by the names of the cases.
+std::map<std::string, std::string> detailsOf(const JsonReader &json)
+{
+    std::map<std::string, std::string> details;
+    for (const char *list : {"failures", "flakes"})
+        json.forEach(list, [&](const rapidjson::Value &cause) {
+            details[JsonReader::textOf(cause, "case")] = textOr(cause, "detail");
+        });
+    return details;
+}
+
+Run readRun(const std::filesystem::path &path)
+{
+    std::error_code error;
+    const bool isFolder = std::filesystem::is_directory(path, error);
+    const std::filesystem::path file = isFolder ? path / kResultsFile : path;
+    try {
+        const JsonReader json(readFile(file));
+        if (json.text("command") != "check")
+            throw Error("it is of vellum " + json.text("command"));
+        Run run;
+        run.folder = file.parent_path();
+        run.facts.device.name = json.text("device");
+        run.facts.device.implementation = json.text("implementation");
+        run.facts.seed = std::stoull(json.text("seed"));
+        run.facts.seconds = std::stod(json.json("seconds"));
+        run.facts.interrupted = json.json("interrupted") == "true";
+        if (const std::string shard = json.textOr("shard"); !shard.empty())
+            run.shard = job::parseShard(shard);
+        json.forEach("knownFaults", [&](const rapidjson::Value &fault) {
+            run.facts.device.knownFaults.push_back(
+                {JsonReader::textOf(fault, "fault"), JsonReader::textOf(fault, "response")});
+        });
+        json.forEach("groups", [&](const rapidjson::Value &group) {
+            const std::string name = JsonReader::textOf(group, "api") + "." + JsonReader::textOf(group, "group");
+            const std::optional<CaseId> first = parseCase(name + ".0000");
+            if (!first)
+                throw Error("no group of this version: " + name);
+            run.facts.plan.push_back({first->api, first->group, static_cast<size_t>(numberOf(group, "planned"))});
+        });
+        const std::map<std::string, std::string> details = detailsOf(json);
+        json.forEach("cases", [&](const rapidjson::Value &object) {
+            CaseResult &result = run.results.emplace_back(caseOf(object));
+            if (!result.details)
+                return;
+            const std::filesystem::path reproducer = OutputFolder::reproducerIn(run.folder, result.id);
+            const auto text = details.find(nameOf(result.id));
+            result.details = std::make_shared<CaseResult::Details>(
+                CaseResult::Details{result.cause(), text == details.end() ? std::string() : text->second,
+                                    std::filesystem::exists(reproducer) ? utf8Text(reproducer) : std::string()});
+        });
+        return run;
+    } catch (const std::exception &wrong) {
+        throw UsageError(utf8Text(file) + " has no results of vellum check: " + wrong.what());
+    }
+}
+
+void checkBelong(const Run &run, const Run &first)
+{
+    const auto differ = [&](const char *what, const std::string &one, const std::string &other) {
+        if (one != other)
+            throw UsageError(utf8Text(run.folder) + " and " + utf8Text(first.folder) + " are of different " + what +
+                             ": " + one + " and " + other);
+    };
+    const auto division = [](const Run &of) {
+        return of.shard ? "--shard K/" + std::to_string(of.shard->count) : std::string("without --shard");
+    };
+    differ("devices", run.facts.device.name, first.facts.device.name);
+    differ("implementations", run.facts.device.implementation, first.facts.device.implementation);
+    differ("seeds", std::to_string(run.facts.seed), std::to_string(first.facts.seed));
+    differ("divisions", division(run), division(first));
+}
+
+void addPlan(const std::vector<PlannedGroup> &more, std::vector<PlannedGroup> &plan)
+{
+    for (const PlannedGroup &group : more) {
+        const auto same = std::ranges::find_if(
+            plan, [&](const PlannedGroup &known) { return known.api == group.api && known.group == group.group; });
+        if (same == plan.end())
+            plan.push_back(group);
+        else
+            same->cases += group.cases;
+    }
+}
+
+// "shards 2, 5 of 8 are missing"
+std::string missingShards(const std::vector<Run> &runs)
+{
+    if (!runs.front().shard)
+        return {};
+    const uint32_t count = runs.front().shard->count;
+    std::set<uint32_t> present;
+    for (const Run &run : runs)
+        present.insert(run.shard->number);
+    std::string missing;
+    for (uint32_t number = 1; number <= count; ++number)
+        if (!present.contains(number))
+            missing += (missing.empty() ? "" : ", ") + std::to_string(number);
+    return missing.empty() ? std::string() : "of " + std::to_string(count) + " shards these are missing: " + missing;
+}
+
+} // namespace
+
+MergedRuns mergeRuns(const std::vector<std::filesystem::path> &paths)
+{
+    std::vector<Run> runs;
+    for (const std::filesystem::path &path : paths)
+        runs.push_back(readRun(path));
+    MergedRuns merged;
+    merged.facts = runs.front().facts;
+    merged.facts.plan.clear();
+    merged.facts.seconds = 0;
+    std::map<std::string, const Run *> cases;
+    for (const Run &run : runs) {
+        checkBelong(run, runs.front());
+        addPlan(run.facts.plan, merged.facts.plan);
+        merged.facts.seconds += run.facts.seconds;
+        merged.facts.interrupted |= run.facts.interrupted;
+        if (run.facts.interrupted)
+            merged.incomplete += utf8Text(run.folder) + " was interrupted; ";
+        for (const CaseResult &result : run.results) {
+            const std::string name = nameOf(result.id);
+            const auto [known, added] = cases.emplace(name, &run);
+            if (!added)
+                throw UsageError(utf8Text(run.folder) + " and " + utf8Text(known->second->folder) +
+                                 " have the same case, " + name);
+            merged.results.push_back(result);
+        }
+    }
+    merged.incomplete += missingShards(runs);
+    if (merged.incomplete.ends_with("; "))
+        merged.incomplete.resize(merged.incomplete.size() - 2);
+    return merged;
+}
+
+void copyFailures(MergedRuns &runs, const OutputFolder &folder)
+{
+    for (CaseResult &result : runs.results)
+        if (result.details && !result.details->reproducer.empty()) {
+            CaseResult::Details details = *result.details;
+            details.reproducer = folder.copyFailure(utf8Path(details.reproducer).parent_path(), result.id);
+            result.details = std::make_shared<CaseResult::Details>(std::move(details));
+        }
+}
+
+} // namespace vellum::cli
