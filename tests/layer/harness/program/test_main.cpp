@@ -14,16 +14,6 @@
 #include "harness/program/labels.h"
 #include "harness/program/process.h"
 
-#if defined(__SANITIZE_ADDRESS__)
-// Blocks that libraries of others leak. Lavapipe 25 leaks one for each vkCmdBindVertexBuffers2 with a
-// size, for instance. Only a function that is visible replaces the sanitizer's.
-extern "C" __attribute__((visibility("default"))) const char *__lsan_default_suppressions();
-extern "C" const char *__lsan_default_suppressions()
-{
-    return "leak:libvulkan_lvp\nleak:libLLVM\nleak:libVkLayer_khronos_validation\nleak:libdrm\n";
-}
-#endif
-
 namespace
 {
 
