@@ -351,7 +351,7 @@ RewrittenFile Writer::write()
                             [&](const StoredMicromap &micromap) { writeMicromap(micromap, json); });
     json.key("extras").beginObject().member("generator", kGenerator);
     if (bake_.blendCutoff)
-        json.member("blendCutoff", static_cast<double>(*bake_.blendCutoff));
+        json.member("blendCutoff", *bake_.blendCutoff);
     json.end();
     setExtension(root_, any ? json.end().text() : "");
     editPrimitives();
