@@ -288,9 +288,9 @@ ExitCode printProblems(const BakeCommandOptions &options, const std::vector<Bake
 int bakeCommand(BakeCommandOptions &options)
 {
     std::optional<DataOutput> data;
-    if (options.dryRun) {
-        options.bake.sink = [](const FileContent &) {};
-    } else if (options.output == "-") {
+    options.bake.dryRun = options.dryRun;
+    options.bake.mark = options.output != "-";
+    if (options.output == "-") {
         data.emplace(DataOutput::Reports::ToStderr);
         options.bake.embed = true;
         options.bake.sink = [&data](const FileContent &content) {

@@ -31,32 +31,26 @@ fs::path besideInput(const fs::path &input)
     return output.replace_extension(".omm") += input.extension();
 }
 
-// One name for each location in the file system. A link at the location is not followed, as a write replaces it.
-fs::path locationOf(const fs::path &path)
-{
-    std::error_code error;
-    const fs::path whole = fs::absolute(path).lexically_normal();
-    return fs::weakly_canonical(whole.parent_path(), error) / whole.filename();
-}
-
-// Returns whether there is nothing at the output, or a file that an earlier bake wrote: it is marked, or the unchanged
-// input.
+// Returns whether there is nothing at the output, or a file of which nothing is lost: an earlier bake wrote it, or it
+// is a copy of the input.
 bool isReplaceable(const BakeJob &job)
 {
     std::error_code error;
-    if (isStandardStream(job.output) || !fs::exists(job.output, error) || sameBytes(job.input, job.output))
+    if (isStandardStream(job.output) || !fs::exists(job.output, error))
         return true;
     try {
         const Container container = readJson(job.output);
-        return hasOwnMicromaps(JsonTree(container.json()).root());
+        if (isOwnFile(JsonTree(container.json()).root()))
+            return true;
     } catch (const GltfError &) {
-        return false;
+        // It may be a copy of an input that cannot be read either.
     }
+    return sameBytes(job.input, job.output);
 }
 
 void checkDistinct(const std::vector<BakeJob> &jobs)
 {
-    std::map<fs::path, fs::path> inputOf;
+    std::map<fs::path, fs::path, LocationOrder> inputOf;
     for (const BakeJob &job : jobs) {
         const auto [found, isNew] = inputOf.try_emplace(locationOf(job.output), job.input);
         if (!isNew)
