@@ -251,6 +251,49 @@ TEST(BakeJob, StopsWhereNothingCanBeWritten)
     }
 }
 
+// A file that is too large for the disk does not stop those that fit, and a quota is one of a folder.
+TEST(BakeJob, BakesWhatFits)
+{
+    const TemporaryFolder folder;
+    const auto largeGlb = [](size_t bytes) {
+        return cardGlb({{"\"asset\": {", "\"asset\": {" + std::string(bytes, ' ')}});
+    };
+    writeFile(folder / "large.glb", largeGlb(600'000));
+    std::string list = (folder / "large.glb").string() + "\n";
+    for (const char *name : {"a.glb", "b.glb", "c.glb"}) {
+        writeFile(folder / name, cardGlb());
+        list += (folder / name).string() + "\n";
+    }
+    writeText(folder / "list", list);
+    const std::vector<std::pair<std::string, std::string>> full = {{"LD_PRELOAD", VELLUM_STOPPED_CALL},
+                                                                   {"VELLUM_STOPPED_CALL", "-1"},
+                                                                   {"VELLUM_WRITE_ERROR", std::to_string(ENOSPC)},
+                                                                   {"VELLUM_WRITE_MOST", "100000"}};
+    const Outcome outcome = runVellum({"bake", "--files", (folder / "list").string(), "-j", "1"}, full);
+    EXPECT_EQ(outcome.exitCode, 1);
+    EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
+    for (const char *name : {"a.omm.glb", "b.omm.glb", "c.omm.glb"})
+        EXPECT_TRUE(fs::exists(folder / name)) << name;
+    // Those that cannot fit are not baked: they are as large, or larger than what is free.
+    for (const char *free : {"1000000000", "500000"}) {
+        writeFile(folder / "other.glb", largeGlb(*free == '1' ? 600'000 : 599'000));
+        writeText(folder / "list", (folder / "large.glb").string() + "\n" + (folder / "other.glb").string());
+        std::vector<std::pair<std::string, std::string>> known = full;
+        known.emplace_back("VELLUM_FREE_BYTES", free);
+        const Outcome both = runVellum({"bake", "--files", (folder / "list").string(), "-j", "1"}, known);
+        EXPECT_NE(both.errors.find("other.glb: not baked: "), std::string::npos) << both.errors;
+    }
+    fs::create_directories(folder / "sub");
+    writeText(folder / "list", (folder / "a.glb").string() + "\t" + (folder / "a2.glb").string() + "\n" +
+                                   (folder / "b.glb").string() + "\t" + (folder / "b2.glb").string() + "\n" +
+                                   (folder / "c.glb").string() + "\t" + (folder / "sub/c.glb").string());
+    const Outcome quota =
+        runVellum({"bake", "--files", (folder / "list").string(), "-j", "1", "--log", (folder / "log").string()},
+                  {full[0], full[1], {"VELLUM_WRITE_ERROR", std::to_string(EDQUOT)}});
+    EXPECT_EQ(quota.exitCode, 1);
+    EXPECT_EQ(statusesIn(folder / "log"), (Statuses{{"a.glb", "failed"}, {"c.glb", "failed"}})) << quota.errors;
+}
+
 TEST(BakeJob, AnInterruptedBakeHasLoggedWhatIsDone)
 {
     const TemporaryFolder folder;
