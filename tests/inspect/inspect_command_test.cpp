@@ -118,7 +118,7 @@ TEST_F(InspectCommand, NamesTheCutoffThatApplies)
         std::vector<std::string> bake = {"bake", blended, (folder / "card.omm.glb").string(), "--blend"};
         bake.insert(bake.end(), cutoff.begin(), cutoff.end());
         EXPECT_EQ(runVellum(bake).exitCode, 0);
-        EXPECT_EQ(runVellum({"inspect", bake[2], picture, "--size", "128"}).exitCode, 0);
+        EXPECT_EQ(runVellum({"inspect", bake[2], picture, "--size", "512"}).exitCode, 0);
         EXPECT_EQ(runVellum({"inspect", bake[2], "--html", page().string()}).exitCode, 0);
         return text(picture);
     };

@@ -245,10 +245,11 @@ void Bakery::log(const BakeFileReport &report, uint64_t milliseconds)
 {
     if (log_ == nullptr || !report.ended)
         return;
-    const bool failed = !report.error.empty() || !report.failure.empty();
-    const char *status = failed ? job::kFailed : report.primitives.empty() ? job::kUnchanged : job::kBaked;
+    const char *status = report.code != ExitCode::Success ? job::kFailed
+                         : report.primitives.empty()      ? job::kUnchanged
+                                                          : job::kBaked;
     try {
-        log_->add({report.job.input, report.job.output, status, report.inputBytes, report.outputBytes, milliseconds,
+        log_->add({report.job.input, report.job.output, status, report.inputBytes, report.files, milliseconds,
                    report.error.empty() ? report.failure : report.error});
     } catch (const Error &error) {
         const std::lock_guard lock(reporting_);
@@ -263,58 +264,30 @@ BakeRun Bakery::run()
     return std::move(result_);
 }
 
-// Removes the jobs that earlier logs have as done, and logs that. Returns their number.
-size_t removeDone(const BakeCommandOptions &options, std::vector<BakeJob> &jobs, job::Log *log)
-{
-    job::DoneFiles done;
-    for (const fs::path &path : options.resume)
-        done.add(path);
-    return std::erase_if(jobs, [&](const BakeJob &job) {
-        if (!done.contains(job.input, job.output))
-            return false;
-        std::error_code error;
-        const uintmax_t bytes = fs::file_size(job.output, error);
-        if (log != nullptr)
-            log->add(
-                {.input = job.input, .output = job.output, .status = job::kSkipped, .outputBytes = error ? 0 : bytes});
-        return true;
-    });
-}
-
 BakeRun bakeAll(const BakeCommandOptions &options, UnmatchedExclusions &exclusions)
 {
-    std::vector<BakeJob> jobs = planBake(options);
+    BakePlan plan = planBake(options);
     std::optional<job::Log> log;
     if (options.log)
         log.emplace(*options.log);
-    job::Log *const logging = log ? &*log : nullptr;
-    const size_t done = removeDone(options, jobs, logging);
     // Other files may have a match.
-    if (options.shard || done != 0)
+    if (options.shard || plan.done != 0)
         exclusions.noteUnread();
     const Interruptible interruptible;
-    BakeRun run = Bakery(options, std::move(jobs), exclusions, logging).run();
-    run.done = done;
+    BakeRun run = Bakery(options, std::move(plan.jobs), exclusions, log ? &*log : nullptr).run();
+    run.done = plan.done;
     return run;
 }
 
 // Prints errors and problems to stderr, a line each.
-ExitCode printProblems(const BakeCommandOptions &options, const std::vector<BakeFileReport> &reports)
+ExitCode printProblems(const std::vector<BakeFileReport> &reports)
 {
     auto code = ExitCode::Success;
     for (const BakeFileReport &report : reports) {
-        for (const std::string &problem : {report.error, report.failure}) {
-            if (problem.empty())
-                continue;
-            std::fprintf(stderr, "vellum: %s\n", problem.c_str());
-            code = worse(code, ExitCode::Failed);
-        }
-        if (!options.bake.requireMicromaps || !report.error.empty() || !report.primitives.empty())
-            continue;
-        if (report.failure.empty())
-            std::fprintf(stderr, "vellum: %s: nothing was written: no primitive gets a micromap%s\n",
-                         utf8Text(report.job.input).c_str(), skippedText(report).c_str());
-        code = worse(code, ExitCode::NoMicromaps);
+        code = worse(code, report.code);
+        for (const std::string &problem : {report.error, report.failure})
+            if (!problem.empty())
+                std::fprintf(stderr, "vellum: %s\n", problem.c_str());
     }
     return code;
 }
@@ -360,7 +333,7 @@ int bakeCommand(BakeCommandOptions &options)
         std::printf("%s not written, as nothing is baked; --copy writes copies of such inputs\n",
                     counted(static_cast<size_t>(unchanged), "output was", "outputs were").c_str());
     std::fflush(stdout);
-    ExitCode code = printProblems(options, reports);
+    ExitCode code = printProblems(reports);
     if (!run.logError.empty()) {
         std::fprintf(stderr, "vellum: %s\n", run.logError.c_str());
         code = worse(code, ExitCode::Failed);
