@@ -130,7 +130,7 @@ typedef enum VellumGltfBakeFlagBits {
 typedef struct VellumGltfBakeOptions {
     size_t structSize;
     uint32_t flags;    // VellumGltfBakeFlagBits; default 0
-    float blendCutoff; // for VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT; not NaN; default 0.5
+    float blendCutoff; // for VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT; finite; default 0.5
     // Primitives whose material or mesh has a name that matches one of these are not baked. Shell patterns: * ? [...].
     const char *const *excludedMaterials;
     size_t excludedMaterialCount;

@@ -7,6 +7,14 @@
 namespace vellum
 {
 
+std::filesystem::path locationOf(const std::filesystem::path &path)
+{
+    std::error_code error;
+    const std::filesystem::path whole = std::filesystem::absolute(path).lexically_normal();
+    const std::filesystem::path folder = std::filesystem::weakly_canonical(whole.parent_path(), error);
+    return error ? whole : folder / whole.filename();
+}
+
 void discardReports()
 {
     ProgressLine::disable();

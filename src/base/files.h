@@ -21,6 +21,19 @@ using FileId = std::pair<uint64_t, uint64_t>;
 // Nothing if the file does not exist.
 std::optional<FileId> idOf(const std::filesystem::path &path);
 
+// One name for each location in the file system, whether there is something or not. A link at the location is not
+// followed, as a write replaces it.
+std::filesystem::path locationOf(const std::filesystem::path &path);
+
+// Orders locations; equal are those that the system takes for one, which on Windows does not distinguish case.
+struct LocationOrder {
+    bool operator()(const std::filesystem::path &a, const std::filesystem::path &b) const;
+};
+
+// The bytes that new files in a folder that exists can have together, as far as is known: 0 also where there can be no
+// other file.
+uint64_t freeBytes(const std::filesystem::path &folder);
+
 // Why no file can be made in a folder that exists; empty where one can, as far as is known.
 std::string problemOfFolder(const std::filesystem::path &folder);
 

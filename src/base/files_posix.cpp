@@ -8,6 +8,7 @@
 #include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include "base/error.h"
@@ -22,6 +23,21 @@ std::optional<FileId> idOf(const std::filesystem::path &path)
     if (stat(path.c_str(), &status) != 0)
         return std::nullopt;
     return FileId{status.st_dev, status.st_ino};
+}
+
+bool LocationOrder::operator()(const std::filesystem::path &a, const std::filesystem::path &b) const
+{
+    return a.native() < b.native();
+}
+
+uint64_t freeBytes(const std::filesystem::path &folder)
+{
+    struct statvfs facts {
+    };
+    if (statvfs(folder.c_str(), &facts) != 0)
+        return UINT64_MAX;
+    const bool full = facts.f_files != 0 && facts.f_favail == 0;
+    return full ? 0 : uint64_t{facts.f_bavail} * facts.f_frsize;
 }
 
 std::string problemOfFolder(const std::filesystem::path &folder)

@@ -42,6 +42,18 @@ std::optional<FileId> idOf(const std::filesystem::path &path)
     return FileId{facts.dwVolumeSerialNumber, uint64_t{facts.nFileIndexHigh} << 32 | facts.nFileIndexLow};
 }
 
+bool LocationOrder::operator()(const std::filesystem::path &a, const std::filesystem::path &b) const
+{
+    return CompareStringOrdinal(a.c_str(), -1, b.c_str(), -1, TRUE) == CSTR_LESS_THAN;
+}
+
+uint64_t freeBytes(const std::filesystem::path &folder)
+{
+    std::error_code error;
+    const std::filesystem::space_info space = std::filesystem::space(folder, error);
+    return error ? UINT64_MAX : space.available;
+}
+
 // A folder's attributes say nothing about new files in it, and its access control list little.
 std::string problemOfFolder(const std::filesystem::path &)
 {

@@ -2,12 +2,14 @@
 // JSON of this program's own making, read back.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <rapidjson/document.h>
 #include <rapidjson/stringbuffer.h>
 #include <rapidjson/writer.h>
 #include <string>
+#include <string_view>
 
 #include "base/error.h"
 #include "base/text.h"
@@ -21,7 +23,10 @@ class JsonReader
 public:
     explicit JsonReader(const std::string &text)
     {
-        document_.Parse<rapidjson::kParseIterativeFlag>(text.data(), text.size()); // however deep it is nested
+        constexpr int kMostLevels = 64; // reading and writing are recursive
+        if (levelsOf(text) > kMostLevels)
+            throw Error("JSON that is nested too deeply");
+        document_.Parse(text.data(), text.size());
         if (document_.HasParseError() || !document_.IsObject())
             throw Error("no JSON object");
     }
@@ -71,7 +76,35 @@ public:
         return {buffer.GetString(), buffer.GetSize()};
     }
 
+    [[nodiscard]] uint64_t number(const char *name) const { return numberOf(document_, name); }
+    static uint64_t numberOf(const rapidjson::Value &object, const char *name)
+    {
+        const auto member = object.FindMember(name);
+        if (member == object.MemberEnd() || !member->value.IsUint64())
+            throw Error(std::string("no number \"") + name + "\"");
+        return member->value.GetUint64();
+    }
+
 private:
+    static int levelsOf(std::string_view text)
+    {
+        int level = 0;
+        int most = 0;
+        bool inString = false;
+        for (size_t i = 0; i < text.size(); ++i) {
+            const char c = text[i];
+            if (inString && c == '\\')
+                ++i;
+            else if (c == '"')
+                inString = !inString;
+            else if (!inString && (c == '[' || c == '{'))
+                most = std::max(most, ++level);
+            else if (!inString && (c == ']' || c == '}'))
+                --level;
+        }
+        return most;
+    }
+
     rapidjson::Document document_;
 };
 

@@ -373,7 +373,7 @@ Loaded load(const RenderOptions &options)
     const Document document = openDocument(*options.input);
     const bool wanted = options.mode != Mode::Alpha && !options.bakeAnew;
     Loaded loaded{readScene(document), wanted ? readMicromaps(document) : StoredMicromaps{}};
-    if (const auto cutoff = options.blendCutoff ? options.blendCutoff : loaded.stored.blendCutoff)
+    if (const auto cutoff = options.blendCutoff ? options.blendCutoff : blendCutoffOf(document.root()))
         for (Material &material : loaded.scene.materials)
             if (material.alphaMode == AlphaMode::Blend)
                 material.alphaCutoff = *cutoff;

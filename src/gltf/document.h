@@ -67,7 +67,7 @@ public:
         } catch (const GltfUnsupported &error) {
             throw GltfUnsupported(withPath(error.what()));
         } catch (const GltfStorageError &error) {
-            throw GltfStorageError(withPath(error.what()));
+            throw GltfStorageError(withPath(error.what()), error.cause());
         } catch (const GltfError &error) {
             throw GltfError(withPath(error.what()));
         } catch (const std::bad_alloc &) {

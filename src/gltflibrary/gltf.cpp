@@ -121,8 +121,8 @@ FileBakeOptions readFileOptions(const VellumBakeOptions &bake, const VellumGltfB
         throw invalid("flags is " + std::to_string(given.flags) + ", not made of VellumGltfBakeFlagBits");
     options.blend = (given.flags & VELLUM_GLTF_BAKE_BLEND_BIT) != 0;
     options.embed = (given.flags & VELLUM_GLTF_BAKE_EMBED_BIT) != 0;
-    if (std::isnan(given.blendCutoff))
-        throw invalid("blendCutoff is not a number");
+    if (!std::isfinite(given.blendCutoff))
+        throw invalid("blendCutoff is not finite");
     if ((given.flags & VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT) != 0)
         options.blendCutoff = given.blendCutoff;
     options.excludedMaterials = patterns("excludedMaterials", given.excludedMaterials, given.excludedMaterialCount);

@@ -182,7 +182,12 @@ uint32_t Inspector::useMaterial(int index)
     const auto [known, added] = materials_.emplace(index, static_cast<uint32_t>(file_.materials.size()));
     if (!added)
         return known->second;
-    InspectedMaterial material{.index = index, .material = readMaterial(document_, index), .image = {}, .problem = {}};
+    InspectedMaterial material{
+        .index = index, .material = readMaterial(document_, index), .cutoff = {}, .image = {}, .problem = {}};
+    if (material.material.alphaMode == AlphaMode::Mask)
+        material.cutoff = material.material.alphaCutoff;
+    else if (material.material.alphaMode == AlphaMode::Blend)
+        material.cutoff = file_.stored.blendCutoff;
     try {
         if (material.material.image >= 0)
             material.image = useImage(material.material.image);

@@ -53,6 +53,7 @@ struct InspectedRecord {
 struct InspectedMaterial {
     int index = -1; // materials[] of the file
     Material material;
+    std::optional<float> cutoff;        // of the alpha test: of alphaMode MASK, and of BLEND that was baked as a mask
     std::shared_ptr<const Image> image; // null if there is none or it cannot be read
     std::string problem;                // why it cannot be read
 };

@@ -56,7 +56,8 @@ void writeMaterial(const InspectedFile &file, uint32_t number, const PageData &d
     const Material &m = material.material;
     json.beginObject().member("index", material.index).member("name", m.name);
     json.member("mode", m.alphaMode == AlphaMode::Mask ? "MASK" : m.alphaMode == AlphaMode::Blend ? "BLEND" : "OPAQUE");
-    json.member("cutoff", std::isfinite(m.alphaCutoff) ? m.alphaCutoff : 0);
+    json.key("cutoff");
+    material.cutoff ? json.value(*material.cutoff) : json.null();
     json.member("alphaFactor", std::isfinite(m.baseColor[3]) ? m.baseColor[3] : 1);
     json.values("wrap", std::array{nameOf(m.wrapU), nameOf(m.wrapV)});
     json.member("filter", m.filter == Filter::Nearest ? "nearest" : "bilinear");

@@ -378,9 +378,12 @@ void drawPanel(LabelledPicture &drawing, const InspectedFile &file, const Panel 
     const double width = panel.window.width;
     const std::string name = material.name.empty() ? "default material" : material.name;
     const auto &s = panel.tally.states;
-    const std::string facts =
-        fmt::format("{} triangle{}, {} unknown, cutoff {:.3g}", grouped(panel.tally.triangles),
-                    panel.tally.triangles == 1 ? "" : "s", percent(s[2] + s[3]), material.alphaCutoff);
+    const std::optional<float> cutoff = file.materials[panel.material].cutoff;
+    const std::string facts = fmt::format("{} triangle{}, {} unknown, {}", grouped(panel.tally.triangles),
+                                          panel.tally.triangles == 1 ? "" : "s", percent(s[2] + s[3]),
+                                          cutoff ? fmt::format("cutoff {:.3g}", *cutoff)
+                                          : material.alphaMode == AlphaMode::Blend ? "alphaMode BLEND"
+                                                                                   : "no alpha test");
     drawing.labels.push_back(
         {static_cast<double>(x), y + 20.0, fitText(name, kTitle, width), kTitle, kInk, Label::Anchor::Start, true});
     drawing.labels.push_back({static_cast<double>(x), y + 44.0, fitText(facts, kNormal, width), kNormal, kFaint});

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "job/file_list.h"
 
-#include <algorithm>
 #include <string_view>
 #include <system_error>
 

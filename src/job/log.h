@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The log of a job over many files: a JSON object in a line for each file that has ended. Many processes can append to
-// one, logs are merged by `cat`, and a line that a killed process or a full disk cut off is ignored.
+// The log of a job over many files: a JSON object in a line for each file that has ended. Logs are merged by `cat`, in
+// any order, and a line that a killed process or a full disk cut off is ignored.
 #pragma once
 
 #include <cstdint>
@@ -9,6 +9,7 @@
 #include <mutex>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "base/files.h"
 
@@ -18,14 +19,14 @@ namespace vellum::job
 inline constexpr const char *kBaked = "baked";
 inline constexpr const char *kUnchanged = "unchanged";
 inline constexpr const char *kFailed = "failed";
-inline constexpr const char *kSkipped = "skipped"; // an earlier log has it as done
 
 struct LogLine {
     std::filesystem::path input;
     std::filesystem::path output;
     std::string status;
-    uint64_t bytes = 0;       // of the input
-    uint64_t outputBytes = 0; // 0: nothing was written
+    uint64_t bytes = 0; // of the input
+    // What was written, the files that the output names included, with their sizes.
+    std::vector<std::pair<std::filesystem::path, uint64_t>> files{};
     uint64_t milliseconds = 0;
     std::string message; // empty if there is nothing to say
 };
@@ -35,7 +36,7 @@ class Log
 public:
     // Creates the file if there is none. Throws Error, also for a file that is not a log.
     explicit Log(const std::filesystem::path &path);
-    // May be called from any thread. Throws Error.
+    // Adds a line with the time. May be called from any thread. Throws Error.
     void add(const LogLine &line);
 
 private:
@@ -44,17 +45,33 @@ private:
     AppendedFile file_;
 };
 
-// The inputs and outputs that a log has as done: the last line of each is not a failure, and the output still exists,
-// if one was written.
+// What logs have as done: the newest line of an input and output is not a failure, and all that was written is there
+// still, with its size.
 class DoneFiles
 {
 public:
-    // Adds those of a log. Throws Error if it cannot be read.
+    // Adds the lines of a log. Throws Error if it cannot be read or is not a log.
     void add(const std::filesystem::path &log);
+    [[nodiscard]] bool empty() const { return files_.empty(); }
+    // Returns whether there is a line of them.
+    [[nodiscard]] bool names(const std::filesystem::path &input, const std::filesystem::path &output) const;
     [[nodiscard]] bool contains(const std::filesystem::path &input, const std::filesystem::path &output) const;
 
 private:
-    std::map<std::pair<std::string, std::string>, bool> files_; // and whether the output was written
+    struct State {
+        std::string time;
+        bool done = false;
+        std::vector<std::pair<std::filesystem::path, uint64_t>> written;
+    };
+    // Locations.
+    using Names = std::pair<std::filesystem::path, std::filesystem::path>;
+    struct NamesOrder {
+        bool operator()(const Names &a, const Names &b) const;
+    };
+
+    [[nodiscard]] const State *find(const std::filesystem::path &input, const std::filesystem::path &output) const;
+
+    std::map<Names, State, NamesOrder> files_;
 };
 
 } // namespace vellum::job

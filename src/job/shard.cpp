@@ -1,14 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "job/shard.h"
 
-#include <algorithm>
 #include <charconv>
-#include <numeric>
-#include <set>
-#include <tuple>
-#include <utility>
 
 #include "base/error.h"
+#include "core/hash.h"
 
 namespace vellum::job
 {
@@ -27,24 +23,12 @@ Shard parseShard(const std::string &text)
     return shard;
 }
 
-std::vector<uint32_t> shardOfEach(const std::vector<Weighted> &all, uint32_t count)
+bool isInShard(const std::filesystem::path &name, const Shard &shard)
 {
-    std::vector<size_t> order(all.size());
-    std::iota(order.begin(), order.end(), size_t{0});
-    std::sort(order.begin(), order.end(), [&](size_t a, size_t b) {
-        return std::tie(all[b].weight, all[a].name) < std::tie(all[a].weight, all[b].name);
-    });
-    std::set<std::pair<uint64_t, uint32_t>> loads; // and whose each is
-    for (uint32_t shard = 1; shard <= count; ++shard)
-        loads.emplace(0, shard);
-    std::vector<uint32_t> shards(all.size());
-    for (const size_t i : order) {
-        auto least = loads.extract(loads.begin());
-        shards[i] = least.value().second;
-        least.value().first += all[i].weight;
-        loads.insert(std::move(least));
-    }
-    return shards;
+    const std::u8string text = name.lexically_normal().generic_u8string();
+    uint64_t hash = Hash::of(text);
+    hash ^= hash >> 32; // the low bits of the sum depend on few bits of the name
+    return hash % shard.count == shard.number - 1;
 }
 
 } // namespace vellum::job

@@ -3,8 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <string>
-#include <vector>
 
 namespace vellum::job
 {
@@ -17,14 +17,8 @@ struct Shard {
 // "2/8". Throws UsageError.
 Shard parseShard(const std::string &text);
 
-struct Weighted {
-    std::string name; // different for each
-    uint64_t weight = 0;
-};
-
-// The number of the shard that each belongs to. From the heaviest to the lightest, those of one weight by name, each
-// goes to the shard that has least so far, the first of several. The order of `all` therefore does not matter; names
-// and weights do.
-std::vector<uint32_t> shardOfEach(const std::vector<Weighted> &all, uint32_t count);
+// Returns whether the file with this name is in the shard: by a hash of the name, so that nothing that changes between
+// runs moves a file to another shard, such as its size or the other files. `./a/b` and `a/b` are one name.
+bool isInShard(const std::filesystem::path &name, const Shard &shard);
 
 } // namespace vellum::job

@@ -58,7 +58,7 @@ private:
 
     const Document &document_;
     const FileOptions &options_;
-    std::optional<double> blendCutoff_;
+    std::optional<float> blendCutoff_;
     ChangingAlpha changing_;
     AlphaTextures textures_;
     std::shared_ptr<const AlphaTexture> texture_;
@@ -153,10 +153,10 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
     const PrimitiveReport *twin = twinOf(place, triangles, material);
     Options options = options_;
     // Without an alpha test everything is opaque.
-    const std::optional<double> cutoff = material.alphaMode == AlphaMode::Mask    ? double{material.alphaCutoff}
-                                         : material.alphaMode == AlphaMode::Blend ? blendCutoff_
-                                                                                  : 0.5;
-    options.cutoff = cutoff.value_or(kBlendCutoff);
+    const std::optional<float> cutoff = material.alphaMode == AlphaMode::Mask    ? material.alphaCutoff
+                                        : material.alphaMode == AlphaMode::Blend ? blendCutoff_
+                                                                                 : 0.5f;
+    options.cutoff = cutoff ? double{*cutoff} : kBlendCutoff;
     options.band = cutoff ? 0 : kBlendBand;
     // A filter makes no value that is above the largest texel or below the smallest, however it rounds.
     const bool inRange = std::all_of(primitive.alphas.begin(), primitive.alphas.end(),
@@ -261,8 +261,8 @@ FileReport FileVerifier::operator()()
         return std::move(report_);
     report_.stored = std::move(checked.stored);
     blendCutoff_ = options_.blendCutoff;
-    if (!blendCutoff_ && report_.stored.blendCutoff)
-        blendCutoff_ = double{*report_.stored.blendCutoff};
+    if (!blendCutoff_)
+        blendCutoff_ = report_.stored.blendCutoff;
     describe();
     collectAlphas();
     std::map<int, std::vector<PrimitivePlace>> places;

@@ -17,7 +17,7 @@ namespace vellum::verify
 struct FileOptions : Options {
     // The cutoff for alphaMode BLEND, instead of StoredMicromaps::blendCutoff. Without one, opaque means an alpha of 1,
     // and transparent one of 0. Masks have the cutoff of their material.
-    std::optional<double> blendCutoff;
+    std::optional<float> blendCutoff;
     // The most work for a file, in addition to workForByte: a small file that shares data between many triangles could
     // take hours. About a minute; the rest is not verified.
     uint64_t fileWork = uint64_t{1} << 29;
@@ -30,7 +30,7 @@ struct PrimitiveReport {
     PrimitivePlace place;
     std::string name; // `mesh 2 "leaves" primitive 0`
     std::string material;
-    std::optional<double> cutoff; // none: alphaMode BLEND
+    std::optional<float> cutoff; // none: alphaMode BLEND
     size_t triangles = 0;
     size_t special = 0; // triangles with a special index
     // Why its alpha can differ from the one that was verified; empty if it cannot.

@@ -8,6 +8,7 @@
 
 #include "command.h"
 #include "glb_file.h"
+#include "gltf/file/container.h"
 #include "gltf/file/json_tree.h"
 #include "gltf/micromaps/stored_micromaps.h"
 
@@ -31,6 +32,23 @@ std::vector<std::string> entries(const fs::path &folder)
 size_t bakedPrimitives(const fs::path &path)
 {
     return readMicromaps(Document(path)).primitives.size();
+}
+
+// A GLB whose JSON has the mark of an output without micromaps, as it was before. Fails for one without the mark.
+Bytes withoutMark(const Bytes &glb)
+{
+    const Container container = findContainer(glb);
+    std::string json(container.json());
+    const std::string mark = R"("extras":{"vellum":"bake"})";
+    const size_t at = json.find(mark);
+    EXPECT_NE(at, std::string::npos);
+    if (at == std::string::npos)
+        return glb;
+    const size_t comma = json.rfind(',', at);
+    json.erase(comma, at - comma + mark.size());
+    json.resize(json.find_last_not_of(' ') + 1);
+    const size_t rest = container.jsonOffset + container.jsonSize + 8;
+    return packGlb(json, Bytes(glb.begin() + static_cast<ptrdiff_t>(rest), glb.end()));
 }
 
 } // namespace
@@ -641,12 +659,45 @@ TEST(BakeCommand, ReplacesOnlyItsOwnOutputs)
     EXPECT_EQ(bakedPrimitives(folder / "other.glb"), 1u);
     // Now it is an output, which another bake replaces.
     EXPECT_EQ(runVellum({"bake", bake[1], bake[2], "--level", "2"}).exitCode, 0);
-    // So is a copy of the input in which nothing is baked.
-    const Bytes plain = cardGlb({{"\"alphaMode\": \"MASK\"", "\"alphaMode\": \"OPAQUE\""}});
-    writeFile(folder / "plain.glb", plain);
-    for (int i = 0; i < 2; ++i)
-        EXPECT_EQ(runVellum({"bake", (folder / "plain.glb").string(), "--copy"}).exitCode, 0);
-    EXPECT_EQ(readFile(folder / "plain.omm.glb"), plain);
+    // So is one in which nothing is baked, also after its input has changed.
+    const std::string plain = (folder / "plain.glb").string();
+    for (const char *name : {"\"leaf\"", "\"leaf\"", "\"elm\""}) {
+        writeFile(plain, cardGlb({{"\"alphaMode\": \"MASK\"", "\"alphaMode\": \"OPAQUE\""}, {"\"leaf\"", name}}));
+        const Outcome copied = runVellum({"bake", plain, "--copy"});
+        EXPECT_EQ(copied.exitCode, 0) << copied.errors;
+        EXPECT_EQ(withoutMark(readFile(folder / "plain.omm.glb")), readFile(plain));
+    }
+    // And one whose micromaps were removed.
+    for (const char *name : {"1", "1", "2"}) {
+        const Outcome removed = runVellum({"bake", (folder / "other.glb").string(), (folder / "un.glb").string(),
+                                           "--exclude-material", "*", "--level", name});
+        EXPECT_EQ(removed.exitCode, 0) << removed.errors;
+    }
+    // A copy of the input that someone else made is none of a file that is lost.
+    fs::copy_file(plain, folder / "twin.glb");
+    EXPECT_EQ(runVellum({"bake", plain, (folder / "twin.glb").string(), "--copy"}).exitCode, 0);
+    writeFile(folder / "twin.glb", other);
+    EXPECT_EQ(runVellum({"bake", plain, (folder / "twin.glb").string(), "--copy"}).exitCode, 1);
+    EXPECT_EQ(runVellum({"bake", plain, (folder / "twin.glb").string()}).exitCode, 1);
+    EXPECT_EQ(readFile(folder / "twin.glb"), other);
+}
+
+// What was baked from an earlier input does not stay.
+TEST(BakeCommand, AnOutputIsThatOfItsInput)
+{
+    const TemporaryFolder folder;
+    const std::string tree = (folder / "tree.glb").string();
+    writeFile(tree, cardGlb());
+    EXPECT_EQ(runVellum({"bake", tree}).exitCode, 0);
+    writeFile(tree, cardGlb({{"\"alphaMode\": \"MASK\"", "\"alphaMode\": \"OPAQUE\""}}));
+    for (int i = 0; i < 2; ++i) {
+        const Outcome outcome = runVellum({"bake", tree});
+        EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+        EXPECT_EQ(withoutMark(readFile(folder / "tree.omm.glb")), readFile(tree));
+    }
+    fs::remove(folder / "tree.omm.glb");
+    EXPECT_EQ(runVellum({"bake", tree}).exitCode, 0);
+    EXPECT_FALSE(fs::exists(folder / "tree.omm.glb"));
 }
 
 TEST(BakeCommand, ADryRunWritesNothing)
@@ -660,6 +711,12 @@ TEST(BakeCommand, ADryRunWritesNothing)
     EXPECT_NE(outcome.output.find("mesh 0 primitive 0"), std::string::npos) << outcome.output;
     EXPECT_NE(outcome.output.find("nothing was written"), std::string::npos) << outcome.output;
     EXPECT_EQ(entries(folder.path()), before);
+    // It fails for what the bake would.
+    for (const char *output : {"tree.glb", "tree.gltf"}) {
+        const Outcome wrong =
+            runVellum({"bake", (folder / "tree.gltf").string(), (folder / output).string(), "--dry-run", "--force"});
+        EXPECT_EQ(wrong.exitCode, 1) << output;
+    }
 }
 
 TEST(BakeCommand, QuietPrintsErrorsOnly)
@@ -734,14 +791,15 @@ TEST(BakeCommand, WritesNoFileThatEqualsItsInput)
 
     // A build system gets every output, and a filter passes its input on.
     EXPECT_EQ(runVellum({"bake", in, "-o", out, "--copy"}).exitCode, 0);
-    EXPECT_EQ(readFile(folder / "out/tree.glb"), blended);
-    EXPECT_EQ(readFile(folder / "out/rock.glb"), readFile(folder / "in/rock.glb"));
+    EXPECT_EQ(withoutMark(readFile(folder / "out/tree.glb")), blended);
+    EXPECT_EQ(withoutMark(readFile(folder / "out/rock.glb")), readFile(folder / "in/rock.glb"));
     const Outcome filter = runVellum({"bake", "-"}, {}, folder / "in/tree.glb");
     EXPECT_EQ(Bytes(filter.output.begin(), filter.output.end()), blended);
     EXPECT_EQ(runVellum({"bake", in, "-o", out, "--blend"}).exitCode, 0);
     EXPECT_EQ(bakedPrimitives(folder / "out/tree.glb"), 1u);
-    const Outcome older = runVellum({"bake", in, "-o", out});
-    EXPECT_NE(older.output.find("the earlier file is left as it is"), std::string::npos) << older.output;
+    EXPECT_EQ(runVellum({"bake", in, "-o", out}).exitCode, 0);
+    EXPECT_EQ(withoutMark(readFile(folder / "out/tree.glb")), blended);
+    EXPECT_EQ(runVellum({"bake", in, "-o", out, "--blend"}).exitCode, 0);
 
     // Micromaps that nothing replaces are removed, which changes the file.
     EXPECT_EQ(runVellum({"bake", (folder / "out/tree.glb").string(), (folder / "none.glb").string()}).exitCode, 0);

@@ -326,12 +326,28 @@ TEST_F(GltfReport, ACutoffForBlendIsACaution)
     run({"verify", "--blend-cutoff", "0.9", in("card.omm.glb")}, 4);
 }
 
+// The cutoff is a number in single precision for all who read it.
+TEST_F(GltfReport, ACutoffForBlendIsOneNumber)
+{
+    write("card.glb", {{kMask, kBlend}, {kFactor, "[1, 1, 1, 0.7]"}}); // as the cutoff, rounded
+    run({"bake", in("card.glb"), "--blend", "--blend-cutoff", "0.7", "--exact"});
+    run({"verify", "--exact", in("card.omm.glb")});
+    run({"verify", "--exact", "--blend-cutoff", "0.7", in("card.omm.glb")});
+    EXPECT_TRUE(has(textOf(in("card.omm.glb")), "\"blendCutoff\":0.7}"));
+    for (const std::vector<std::string> &command :
+         {std::vector<std::string>{"bake", "--blend"}, {"render", "--blend"}, {"verify"}}) {
+        std::vector<std::string> large = command;
+        large.insert(large.end(), {in("card.glb"), "--blend-cutoff", "1e39"});
+        EXPECT_TRUE(has(run(large, 2).errors, "must be a number")) << command.front();
+    }
+}
+
 TEST_F(GltfReport, ACutoffForBlendThatTheFileLacks)
 {
     write("card.glb", kGlass);
-    // A number that single precision rounds.
-    run({"bake", in("card.glb"), "--blend", "--blend-cutoff", "0.3"});
-    EXPECT_TRUE(has(textOf(in("card.omm.glb")), "\"blendCutoff\":0.3"));
+    // A number that single precision rounds, and with as many digits as what is written in its place.
+    run({"bake", in("card.glb"), "--blend", "--blend-cutoff", "0.3000003"});
+    EXPECT_TRUE(has(textOf(in("card.omm.glb")), "\"blendCutoff\":0.3000003"));
     run({"verify", in("card.omm.glb")});
     const Bytes baked = readFile(in("card.omm.glb"));
     // With another value, or without one.
@@ -354,7 +370,7 @@ TEST_F(GltfReport, ACutoffForBlendThatTheFileLacks)
         const Outcome outcome = run({"verify", in("card.omm.glb")}, 4);
         EXPECT_TRUE(has(outcome.output, "wrong: mesh 0 primitive 1")) << value;
         EXPECT_TRUE(has(outcome.output, "the same --blend-cutoff")) << value;
-        run({"verify", "--blend-cutoff", "0.3", in("card.omm.glb")});
+        run({"verify", "--blend-cutoff", "0.3000003", in("card.omm.glb")});
     }
     writeCutoff("2");
     EXPECT_TRUE(has(run({"verify", in("card.omm.glb")}, 4).output, "cutoff 2"));

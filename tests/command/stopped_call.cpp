@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Preloaded into a program: the process stops itself before one of the calls that change files, which whoever waits for
 // it sees (WUNTRACED). VELLUM_STOPPED_CALL is the number of that call, from 0; -1 for none. VELLUM_WRITE_ERROR is the
-// error of every write of more than 1 KiB to a file, VELLUM_ACCESS_ERROR that of every question whether a folder can be
-// written. What a program prints does not count:
-// the C library does not call its own write() by this name, and what write() gets must be a file.
+// error of every write of more than 1 KiB, or VELLUM_WRITE_MOST bytes, to a file, VELLUM_ACCESS_ERROR that of every
+// question whether a folder can be written. VELLUM_FREE_BYTES is what is free in every file system. What a program
+// prints does not count: the C library does not call its own write() by this name, and what write() gets must be a
+// file.
 #include <cerrno>
 #include <csignal>
 #include <cstdlib>
 #include <dlfcn.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 namespace
@@ -48,7 +50,8 @@ ssize_t write(int file, const void *bytes, size_t count)
     };
     if (fstat(file, &status) == 0 && S_ISREG(status.st_mode)) {
         stopAtCall();
-        if (count > 1024 && failsBy("VELLUM_WRITE_ERROR"))
+        const char *const most = std::getenv("VELLUM_WRITE_MOST");
+        if (count > (most != nullptr ? std::strtoul(most, nullptr, 10) : 1024) && failsBy("VELLUM_WRITE_ERROR"))
             return -1;
     }
     return next(write, "write")(file, bytes, count);
@@ -59,6 +62,15 @@ int access(const char *path, int mode)
     if ((mode & W_OK) != 0 && failsBy("VELLUM_ACCESS_ERROR"))
         return -1;
     return next(access, "access")(path, mode);
+}
+
+int statvfs(const char *path, struct statvfs *facts)
+{
+    const int result = next(statvfs, "statvfs")(path, facts);
+    const char *const bytes = std::getenv("VELLUM_FREE_BYTES");
+    if (bytes != nullptr)
+        facts->f_bavail = std::strtoul(bytes, nullptr, 10) / facts->f_frsize;
+    return result;
 }
 
 int linkat(int fromFolder, const char *from, int toFolder, const char *to, int flags)

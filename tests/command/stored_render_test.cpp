@@ -72,8 +72,12 @@ TEST_F(StoredMicromaps, BlendOnRequest)
     EXPECT_EQ(lineOf(stored, "blending"), cutoff("0.25"));
     EXPECT_EQ(lineOf(stored, "alpha test"), "");
     EXPECT_EQ(lineOf(stored, "| differing"), kNone);
+    // In every mode, the cutoff is that of the file.
     const Outcome skipped = compare({"--bake"});
-    EXPECT_EQ(lineOf(skipped, "blending"), cutoff("0.5"));
+    EXPECT_EQ(lineOf(skipped, "blending"), cutoff("0.25"));
+    const Outcome alpha = render({(folder / "card.omm.glb").string(), "--mode", "alpha", "--frames", "1", "--output",
+                                  (folder / "a.png").string()});
+    EXPECT_EQ(lineOf(alpha, "blending"), cutoff("0.25"));
     EXPECT_EQ(lineOf(skipped, "alpha test"), "alpha test  alone for 1 geometry with alphaMode BLEND; --blend bakes it");
     const auto known = [&](const std::vector<std::string> &options) {
         const Outcome outcome = compare(options);

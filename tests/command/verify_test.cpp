@@ -125,6 +125,19 @@ TEST_F(VerifyCommand, RequiresMicromapsOnRequest)
     const Outcome json = verify(plain, {"--require-micromaps", "--json"});
     EXPECT_EQ(json.exitCode, 7);
     EXPECT_TRUE(has(json.output, "\"exitCode\": 7")) << json.output;
+    // The extension of the root alone is none.
+    const Bytes used = card.bytes();
+    std::string text(used.begin(), used.end());
+    const size_t at = text.rfind("EXT_mesh_opacity_micromap", text.find("\"micromapIndices\""));
+    ASSERT_NE(at, std::string::npos);
+    text.replace(at, 3, "NOT");
+    writeFile(folder / "unused.glb", Bytes(text.begin(), text.end()));
+    for (const char *option : {"--require-micromaps", "--strict"}) {
+        const Outcome none = runVellum({"verify", (folder / "unused.glb").string(), option});
+        EXPECT_EQ(none.exitCode, 7) << none.output << none.errors;
+        EXPECT_TRUE(has(none.output, "no primitive has a micromap")) << none.output;
+    }
+    EXPECT_EQ(runVellum({"verify", (folder / "unused.glb").string()}).exitCode, 0);
     // A claim that is wrong comes first.
     change(card, State::Opaque, State::Transparent);
     EXPECT_EQ(verify(card, {"--require-micromaps"}).exitCode, 4);

@@ -178,19 +178,24 @@ TEST(DocumentBake, EqualAlphaSharesAMicromap)
 // Of two meshes with equal triangles, the larger one keeps what fits.
 TEST(DocumentBake, ABudgetGoesToTheLargestSurface)
 {
-    for (const size_t large : {size_t{0}, size_t{1}}) {
+    for (const auto &[large, blended] : {std::pair{size_t{0}, false}, {size_t{1}, false}, {size_t{1}, true}}) {
+        // A sky that is not baked has all of the surface, nearly.
+        const std::string sky = blended ? R"(, "alphaMode": "BLEND"})" : "}";
         const std::string small = R"({"mesh": )" + std::to_string(1 - large) + "}";
         DocumentBakeOptions options = optionsOf();
         const Replacements meshes = {
             {R"(  {"attributes": {"POSITION": 3}, "material": 1}]}])",
              R"(  {"attributes": {"POSITION": 3}, "material": 2}]}, {"primitives": [)"
-             R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 1}]}])"},
+             R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 1}]}, {"primitives": [)"
+             R"({"attributes": {"POSITION": 3}, "material": 2}]}])"},
             {R"({"name": "wood"})",
              R"({"name": "other", "alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture":
-                {"index": 0}}}, {"name": "wood"})"},
-            {R"("scenes": [{"nodes": [0]}])", R"("scenes": [{"nodes": [0, 1]}])"},
-            {R"({"mesh": 0, "translation": [0, 2, 0]})",
-             small + R"(, {"scale": [20, 20, 20], "mesh": )" + std::to_string(large) + "}"}};
+                {"index": 0}}}, {"name": "sky")" +
+                 sky},
+            {R"("scenes": [{"nodes": [0]}])", R"("scenes": [{"nodes": [0, 1, 2]}])"},
+            {R"({"mesh": 0, "translation": [0, 2, 0]})", small + R"(, {"scale": [20, 20, 20], "mesh": )" +
+                                                             std::to_string(large) +
+                                                             R"(}, {"scale": [1e5, 1e5, 1e5], "mesh": 2})"}};
         const auto bytesOf = [&](const DocumentBake &bake, size_t primitive) {
             return bake.micromaps.at(bake.primitives.at(primitive).micromap.micromap).bytes();
         };

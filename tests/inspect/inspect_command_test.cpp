@@ -108,6 +108,24 @@ TEST_F(InspectCommand, LabelsASvg)
     EXPECT_EQ(runVellum(words).exitCode, 1) << "another program's is not";
 }
 
+// A cutoff is that of a mask, or the one by which alphaMode BLEND was baked as one.
+TEST_F(InspectCommand, NamesTheCutoffThatApplies)
+{
+    const std::string picture = (folder / "card.svg").string();
+    const std::string blended =
+        write(cardGlb({{R"("alphaMode": "MASK", "alphaCutoff": 0.25)", R"("alphaMode": "BLEND")"}})).string();
+    const auto svgWith = [&](const std::vector<std::string> &cutoff) {
+        std::vector<std::string> bake = {"bake", blended, (folder / "card.omm.glb").string(), "--blend"};
+        bake.insert(bake.end(), cutoff.begin(), cutoff.end());
+        EXPECT_EQ(runVellum(bake).exitCode, 0);
+        EXPECT_EQ(runVellum({"inspect", bake[2], picture, "--size", "512"}).exitCode, 0);
+        EXPECT_EQ(runVellum({"inspect", bake[2], "--html", page().string()}).exitCode, 0);
+        return text(picture);
+    };
+    EXPECT_NE(svgWith({}).find("alphaMode BLEND"), std::string::npos);
+    EXPECT_NE(svgWith({"--blend-cutoff", "0.3"}).find("cutoff 0.3"), std::string::npos);
+}
+
 TEST_F(InspectCommand, WritesPageAndPicture)
 {
     const Outcome outcome = runVellum({"inspect", write(cardGlb()).string(), "--bake", "--html", page().string(),

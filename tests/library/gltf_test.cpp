@@ -342,7 +342,8 @@ TEST(LibraryGltf, BadArgumentsAreNamed)
         {"flags of VellumBakeOptions is 1",
          [](Card &c) { c.options.flags = VELLUM_BAKE_DISALLOW_MIXED_SPECIAL_INDICES_BIT; }},
         {"flags is 8", [](Card &c) { c.more.flags = 8; }},
-        {"blendCutoff is not a number", [](Card &c) { c.more.blendCutoff = std::numeric_limits<float>::quiet_NaN(); }},
+        {"blendCutoff is not finite", [](Card &c) { c.more.blendCutoff = std::numeric_limits<float>::quiet_NaN(); }},
+        {"blendCutoff is not finite", [](Card &c) { c.more.blendCutoff = std::numeric_limits<float>::infinity(); }},
         {"excludedMaterials is null, but 2 patterns", [](Card &c) { c.more.excludedMaterialCount = 2; }},
         {"excludedMeshes[0] is null",
          [](Card &c) {

@@ -55,10 +55,15 @@ struct BakeJob {
     uint64_t bytes = 0;  // of the input and the files that it names
 };
 
-// Plans the bakes and their outputs. Throws UsageError if that is unclear or two outputs are the same file. A job gets
-// a problem if it would replace a file that another one reads or writes, or one that vellum did not write. All files
-// are planned, and of a shard its own are returned.
-std::vector<BakeJob> planBake(const BakeCommandOptions &options);
+struct BakePlan {
+    std::vector<BakeJob> jobs; // of the shard, without those that earlier logs have as done
+    size_t done = 0;           // the number of these
+};
+
+// Plans the bakes and their outputs. Throws UsageError if that is unclear or two outputs are the same file, of any
+// shard. A job gets a problem if it would replace a file that another one in the plan reads or writes, an input of any
+// shard, or a file that vellum did not write. Only files of the plan are read.
+BakePlan planBake(const BakeCommandOptions &options);
 
 // Bakes all files and prints the report. Returns the exit code.
 int bakeCommand(BakeCommandOptions &options);

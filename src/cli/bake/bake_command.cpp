@@ -29,23 +29,32 @@ namespace
 
 namespace fs = std::filesystem;
 
-// Why no file can be written to certain folders: noticed once, for all files that would follow.
+// Why files cannot be written to certain folders: noticed once, for all files that would follow.
 class Storage
 {
 public:
-    // Why the output cannot be written; empty if it can, as far as is known.
-    std::string problemOf(const fs::path &output);
-    // After a GltfStorageError: no other file can be written there.
-    void fail(const fs::path &output, const std::string &reason);
+    // Why the output of a job cannot be written; empty if it can, as far as is known.
+    std::string problemOf(const BakeJob &job);
+    // After the output of a job could not be written.
+    void fail(const BakeJob &job, const GltfStorageError &error, const std::string &reason);
     // The first problem; empty if there was none.
     [[nodiscard]] const std::string &firstProblem() const { return first_; }
 
 private:
+    struct Problem {
+        std::string reason;
+        bool full;       // otherwise nothing can be written
+        uint64_t failed; // the bytes of the smallest job that failed
+    };
+
     // The folder of a file, or the one in which that would be made.
     static fs::path existingFolderOf(const fs::path &file);
+    // Where the problem is one of this job, too.
+    [[nodiscard]] const Problem *problemOf(const BakeJob &job, const fs::path &folder) const;
 
     std::mutex mutex_;
-    std::map<uint64_t, std::string> problems_; // by file system
+    std::map<uint64_t, Problem> fileSystems_;
+    std::map<FileId, Problem> folders_; // by quotas
     std::string first_;
 };
 
@@ -58,29 +67,50 @@ fs::path Storage::existingFolderOf(const fs::path &file)
     return folder;
 }
 
-std::string Storage::problemOf(const fs::path &output)
+// An output is at least as large as its input.
+const Storage::Problem *Storage::problemOf(const BakeJob &job, const fs::path &folder) const
 {
-    const fs::path folder = existingFolderOf(output);
     const auto id = idOf(folder);
+    if (!id)
+        return nullptr;
+    std::error_code unknown;
+    const uintmax_t least = fs::file_size(job.input, unknown);
+    const auto whole = fileSystems_.find(id->first);
+    if (whole != fileSystems_.end() &&
+        (!whole->second.full || job.bytes >= whole->second.failed || (!unknown && least > freeBytes(folder))))
+        return &whole->second;
+    const auto quota = folders_.find(*id);
+    return quota != folders_.end() && job.bytes >= quota->second.failed ? &quota->second : nullptr;
+}
+
+std::string Storage::problemOf(const BakeJob &job)
+{
+    const fs::path folder = existingFolderOf(job.output);
     const std::string unwritable = problemOfFolder(folder);
     const std::lock_guard lock(mutex_);
-    const auto known = id ? problems_.find(id->first) : problems_.end();
-    const std::string problem = known != problems_.end() ? known->second
-                                : unwritable.empty()     ? ""
-                                                         : utf8Text(folder) + " cannot be written: " + unwritable;
+    const Problem *const known = problemOf(job, folder);
+    const std::string problem = known != nullptr     ? known->reason
+                                : unwritable.empty() ? ""
+                                                     : utf8Text(folder) + " cannot be written: " + unwritable;
     if (first_.empty())
         first_ = problem;
     return problem;
 }
 
-void Storage::fail(const fs::path &output, const std::string &reason)
+void Storage::fail(const BakeJob &job, const GltfStorageError &error, const std::string &reason)
 {
-    const auto id = idOf(existingFolderOf(output));
+    using Cause = GltfStorageError::Cause;
+    const auto id = idOf(existingFolderOf(job.output));
     const std::lock_guard lock(mutex_);
-    if (id)
-        problems_.try_emplace(id->first, reason);
     if (first_.empty())
         first_ = reason;
+    if (!id)
+        return;
+    const Problem problem{reason, error.cause() != Cause::ReadOnly, job.bytes};
+    Problem &known = error.cause() == Cause::Quota ? folders_.try_emplace(*id, problem).first->second
+                                                   : fileSystems_.try_emplace(id->first, problem).first->second;
+    known.full = known.full && problem.full;
+    known.failed = std::min(known.failed, problem.failed);
 }
 
 struct BakeRun {
@@ -158,6 +188,7 @@ BakeFileReport Bakery::bakeOne(size_t job, unsigned threads)
         BakeFileReport report;
         report.job = jobs_[job];
         report.error = error;
+        report.code = ExitCode::Failed;
         return report;
     };
     const std::string prefix = utf8Text(jobs_[job].input) + ": ";
@@ -170,21 +201,26 @@ BakeFileReport Bakery::bakeOne(size_t job, unsigned threads)
         return notBaked("interrupted");
     if (!jobs_[job].problem.empty())
         return failed(prefix + jobs_[job].problem);
-    if (!options.sink)
-        if (const std::string problem = storage_.problemOf(jobs_[job].output); !problem.empty())
+    if (!options.sink && !options.dryRun)
+        if (const std::string problem = storage_.problemOf(jobs_[job]); !problem.empty())
             return notBaked(problem);
     options.measure = true;
     try {
         const Document document = openDocument(jobs_[job].input);
         exclusions_.note(document);
         noted = true;
-        return reportOf(jobs_[job], bakeFile(document, jobs_[job].output, options));
+        BakeFileReport report = reportOf(jobs_[job], bakeFile(document, jobs_[job].output, options));
+        if (options.requireMicromaps && report.primitives.empty() && report.failure.empty()) {
+            report.failure = prefix + "nothing was written: no primitive gets a micromap" + skippedText(report);
+            report.code = ExitCode::NoMicromaps;
+        }
+        return report;
     } catch (const BakeCancelled &) {
         return notBaked("interrupted");
     } catch (const std::bad_alloc &) {
         return failed(prefix + "out of memory");
     } catch (const GltfStorageError &error) {
-        storage_.fail(jobs_[job].output, std::string(error.what()).substr(prefix.size()));
+        storage_.fail(jobs_[job], error, std::string(error.what()).substr(prefix.size()));
         return failed(error.what());
     } catch (const GltfError &error) {
         return failed(error.what());
@@ -209,10 +245,11 @@ void Bakery::log(const BakeFileReport &report, uint64_t milliseconds)
 {
     if (log_ == nullptr || !report.ended)
         return;
-    const bool failed = !report.error.empty() || !report.failure.empty();
-    const char *status = failed ? job::kFailed : report.primitives.empty() ? job::kUnchanged : job::kBaked;
+    const char *status = report.code != ExitCode::Success ? job::kFailed
+                         : report.primitives.empty()      ? job::kUnchanged
+                                                          : job::kBaked;
     try {
-        log_->add({report.job.input, report.job.output, status, report.inputBytes, report.outputBytes, milliseconds,
+        log_->add({report.job.input, report.job.output, status, report.inputBytes, report.files, milliseconds,
                    report.error.empty() ? report.failure : report.error});
     } catch (const Error &error) {
         const std::lock_guard lock(reporting_);
@@ -227,58 +264,30 @@ BakeRun Bakery::run()
     return std::move(result_);
 }
 
-// Removes the jobs that earlier logs have as done, and logs that. Returns their number.
-size_t removeDone(const BakeCommandOptions &options, std::vector<BakeJob> &jobs, job::Log *log)
-{
-    job::DoneFiles done;
-    for (const fs::path &path : options.resume)
-        done.add(path);
-    return std::erase_if(jobs, [&](const BakeJob &job) {
-        if (!done.contains(job.input, job.output))
-            return false;
-        std::error_code error;
-        const uintmax_t bytes = fs::file_size(job.output, error);
-        if (log != nullptr)
-            log->add(
-                {.input = job.input, .output = job.output, .status = job::kSkipped, .outputBytes = error ? 0 : bytes});
-        return true;
-    });
-}
-
 BakeRun bakeAll(const BakeCommandOptions &options, UnmatchedExclusions &exclusions)
 {
-    std::vector<BakeJob> jobs = planBake(options);
+    BakePlan plan = planBake(options);
     std::optional<job::Log> log;
     if (options.log)
         log.emplace(*options.log);
-    job::Log *const logging = log ? &*log : nullptr;
-    const size_t done = removeDone(options, jobs, logging);
     // Other files may have a match.
-    if (options.shard || done != 0)
+    if (options.shard || plan.done != 0)
         exclusions.noteUnread();
     const Interruptible interruptible;
-    BakeRun run = Bakery(options, std::move(jobs), exclusions, logging).run();
-    run.done = done;
+    BakeRun run = Bakery(options, std::move(plan.jobs), exclusions, log ? &*log : nullptr).run();
+    run.done = plan.done;
     return run;
 }
 
 // Prints errors and problems to stderr, a line each.
-ExitCode printProblems(const BakeCommandOptions &options, const std::vector<BakeFileReport> &reports)
+ExitCode printProblems(const std::vector<BakeFileReport> &reports)
 {
     auto code = ExitCode::Success;
     for (const BakeFileReport &report : reports) {
-        for (const std::string &problem : {report.error, report.failure}) {
-            if (problem.empty())
-                continue;
-            std::fprintf(stderr, "vellum: %s\n", problem.c_str());
-            code = worse(code, ExitCode::Failed);
-        }
-        if (!options.bake.requireMicromaps || !report.error.empty() || !report.primitives.empty())
-            continue;
-        if (report.failure.empty())
-            std::fprintf(stderr, "vellum: %s: nothing was written: no primitive gets a micromap%s\n",
-                         utf8Text(report.job.input).c_str(), skippedText(report).c_str());
-        code = worse(code, ExitCode::NoMicromaps);
+        code = worse(code, report.code);
+        for (const std::string &problem : {report.error, report.failure})
+            if (!problem.empty())
+                std::fprintf(stderr, "vellum: %s\n", problem.c_str());
     }
     return code;
 }
@@ -288,9 +297,9 @@ ExitCode printProblems(const BakeCommandOptions &options, const std::vector<Bake
 int bakeCommand(BakeCommandOptions &options)
 {
     std::optional<DataOutput> data;
-    if (options.dryRun) {
-        options.bake.sink = [](const FileContent &) {};
-    } else if (options.output == "-") {
+    options.bake.dryRun = options.dryRun;
+    options.bake.mark = options.output != "-";
+    if (options.output == "-") {
         data.emplace(DataOutput::Reports::ToStderr);
         options.bake.embed = true;
         options.bake.sink = [&data](const FileContent &content) {
@@ -324,7 +333,7 @@ int bakeCommand(BakeCommandOptions &options)
         std::printf("%s not written, as nothing is baked; --copy writes copies of such inputs\n",
                     counted(static_cast<size_t>(unchanged), "output was", "outputs were").c_str());
     std::fflush(stdout);
-    ExitCode code = printProblems(options, reports);
+    ExitCode code = printProblems(reports);
     if (!run.logError.empty()) {
         std::fprintf(stderr, "vellum: %s\n", run.logError.c_str());
         code = worse(code, ExitCode::Failed);

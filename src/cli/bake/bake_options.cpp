@@ -25,26 +25,24 @@ Every primitive with an alpha-tested material (alphaMode MASK) gets a micromap b
 EXT_mesh_opacity_micromap. A micro-triangle is opaque or transparent only if the alpha test has that outcome at every
 point of it, so a renderer that samples the texture for the others draws exactly what it draws without micromaps.
 Everything else in the file stays as it is, byte for byte. All micromaps of the file are replaced; a primitive that is
-skipped loses its micromap. Where nothing is baked and nothing changes, no output is written, except to stdout and with
---copy.
+skipped loses its micromap. Where nothing is baked and nothing changes, no output is written, except to stdout, with
+--copy, and in place of an earlier output.
 
 Without OUT, NAME.omm.glb is written beside the input. OUT can be a folder; several inputs, and folders, need -o FOLDER.
 Folders are searched recursively, and files keep their place below the output folder. Inputs are never modified. Outputs
 appear whole or not at all. An existing file is replaced only if vellum bake wrote it, or with --force. After Ctrl-C or
 SIGTERM the files that are done stay and are reported, the others are listed, and the command ends by the signal. Where
-the disk is full or read-only, or a folder cannot be written, the files that would go there are not baked but listed.
+a folder cannot be written or the disk is read-only or too full, the files that would go there are not baked but listed.
 
 --files takes many files: INPUT, or INPUT and OUTPUT with a tab between them, in each line. Without OUTPUT, the output is
 in the folder of -o, or beside the input.
 
---shard K/N bakes part K of N, on each of N machines another one. From the largest to the smallest, with the files that
-they name, and by name where they are equal, each file goes to the part with the fewest bytes so far. The parts
-therefore depend on the names and sizes of the files only, which must be the same on all machines.
+--shard K/N bakes part K of N, on each of N machines another one. The name of its output decides which part a file is
+in, so names must be written alike on all machines.
 
---log appends a line whenever a file has ended: a JSON object with input, output, status (baked, unchanged, failed or
-skipped), bytes, outputBytes, milliseconds and message. Many processes may write one log, and cat merges logs. --resume
-skips the files that a log has as done: its last line of them is not failed, and the output, if one was written, exists,
-whatever is in it. After changing inputs or options, start a new log. Both may be the same file.
+--log appends a line of JSON whenever a file has ended; each process has its own log, and cat merges logs. --resume skips
+the files that a log has as done, whose outputs must be there still. After changing inputs or options, start a new log.
+Both may be the same file.
 
 A .glb stays a .glb. A .gltf stays a .gltf: its micromaps go into NAME.omm-DIGEST.bin beside it, and the files that it
 names are copied if the output is in another folder.
@@ -89,10 +87,9 @@ void declareFiles(CLI::App &command, BakeCommandOptions &options, std::string &s
         .add_option("--files", options.files,
                     "Bake the files of this list instead: INPUT or INPUT<TAB>OUTPUT a line; - is stdin")
         ->type_name("LIST");
-    command.add_option("--shard", shard, "Bake the files of part K of N only, of about equal bytes, as 2/8")
-        ->type_name("K/N");
+    command.add_option("--shard", shard, "Bake the files of part K of N only, as 2/8")->type_name("K/N");
     command
-        .add_option("--resume", options.resume, "Skip what this log has as done and whose output exists; repeatable")
+        .add_option("--resume", options.resume, "Skip what this log has as done and whose outputs exist; repeatable")
         ->allow_extra_args(false)
         ->type_name("LOG");
     command.option_defaults()->group(kOutput);
@@ -103,7 +100,7 @@ void declareFiles(CLI::App &command, BakeCommandOptions &options, std::string &s
     command.add_flag("--embed", options.bake.embed, "Put the micromaps of a .gltf into the file itself (data URI)");
     command.add_flag(
         "--copy", options.copy,
-        "Also write outputs that equal their input, as nothing is baked in it, for a complete output folder");
+        "Also write outputs in which nothing is baked: copies of their input with a mark, for a complete folder");
     command.add_flag("--require-micromaps", options.bake.requireMicromaps,
                      "Where no primitive of a file gets a micromap, write nothing and exit with 7");
     command.add_flag("-v,--verbose,--report", options.table, "Print a table of what each primitive got");

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <map>
+#include <new>
 #include <optional>
 
 #include "base/error.h"
@@ -17,6 +18,7 @@
 #include "gltf/micromaps/document_writer.h"
 #include "gltf/primitive.h"
 #include "job/file_list.h"
+#include "job/log.h"
 
 namespace vellum::cli
 {
@@ -31,32 +33,26 @@ fs::path besideInput(const fs::path &input)
     return output.replace_extension(".omm") += input.extension();
 }
 
-// One name for each location in the file system. A link at the location is not followed, as a write replaces it.
-fs::path locationOf(const fs::path &path)
-{
-    std::error_code error;
-    const fs::path whole = fs::absolute(path).lexically_normal();
-    return fs::weakly_canonical(whole.parent_path(), error) / whole.filename();
-}
-
-// Returns whether there is nothing at the output, or a file that an earlier bake wrote: it is marked, or the unchanged
-// input.
+// Returns whether there is nothing at the output, or a file of which nothing is lost: an earlier bake wrote it, or it
+// is a copy of the input.
 bool isReplaceable(const BakeJob &job)
 {
     std::error_code error;
-    if (isStandardStream(job.output) || !fs::exists(job.output, error) || sameBytes(job.input, job.output))
+    if (isStandardStream(job.output) || !fs::exists(job.output, error))
         return true;
     try {
         const Container container = readJson(job.output);
-        return hasOwnMicromaps(JsonTree(container.json()).root());
+        if (isOwnFile(JsonTree(container.json()).root()))
+            return true;
     } catch (const GltfError &) {
-        return false;
+        // It may be a copy of an input that cannot be read either.
     }
+    return sameBytes(job.input, job.output);
 }
 
 void checkDistinct(const std::vector<BakeJob> &jobs)
 {
-    std::map<fs::path, fs::path> inputOf;
+    std::map<fs::path, fs::path, LocationOrder> inputOf;
     for (const BakeJob &job : jobs) {
         const auto [found, isNew] = inputOf.try_emplace(locationOf(job.output), job.input);
         if (!isNew)
@@ -69,7 +65,8 @@ void checkDistinct(const std::vector<BakeJob> &jobs)
 class Conflicts
 {
 public:
-    Conflicts(const std::vector<BakeJob> &jobs, const BakeCommandOptions &options);
+    // `inputs`: of all shards.
+    Conflicts(const std::vector<BakeJob> &jobs, const std::vector<fs::path> &inputs, const BakeCommandOptions &options);
     // Why this job, the next one in order, cannot be baked; empty if it can.
     std::string problemOf(size_t number);
     // The bytes of its input and the files that this names.
@@ -83,26 +80,31 @@ private:
     bool force_;
     std::vector<FilesBeside> beside_;
     std::vector<std::string> problems_;
-    std::map<FileId, fs::path> reads_; // files that are read, and the input that each belongs to
+    std::vector<char> replaceable_;
+    // Files that are read, which need not exist yet, and the input that each belongs to.
+    std::map<fs::path, fs::path, LocationOrder> reads_;
+    std::map<FileId, fs::path> filesRead_; // those that exist, by whichever name
     struct Write {
         fs::path input;
         fs::path copied; // the file that is copied; empty for an output
     };
-    std::map<fs::path, Write> writes_;
+    std::map<fs::path, Write, LocationOrder> writes_;
 };
 
 void Conflicts::addRead(const fs::path &path, const fs::path &input)
 {
+    reads_.try_emplace(locationOf(path), input);
     if (const auto id = idOf(path))
-        reads_.try_emplace(*id, input);
+        filesRead_.try_emplace(*id, input);
 }
 
-Conflicts::Conflicts(const std::vector<BakeJob> &jobs, const BakeCommandOptions &options)
-    : jobs_(jobs), force_(options.force), beside_(jobs.size()), problems_(jobs.size())
+Conflicts::Conflicts(const std::vector<BakeJob> &jobs, const std::vector<fs::path> &inputs,
+                     const BakeCommandOptions &options)
+    : jobs_(jobs), force_(options.force), beside_(jobs.size()), problems_(jobs.size()), replaceable_(jobs.size())
 {
     inParallel(threadCount(options.threads), jobs.size(), [this](size_t i) { readJob(i); });
-    for (const BakeJob &job : jobs)
-        addRead(job.input, job.input);
+    for (const fs::path &input : inputs)
+        addRead(input, input);
     for (size_t i = 0; i < jobs.size(); ++i)
         for (const fs::path &file : beside_[i].read)
             addRead(file, jobs[i].input);
@@ -111,17 +113,20 @@ Conflicts::Conflicts(const std::vector<BakeJob> &jobs, const BakeCommandOptions 
 void Conflicts::readJob(size_t number)
 {
     const BakeJob &job = jobs_[number];
-    std::optional<Container> container;
     try {
-        container = readJson(job.input);
-    } catch (const GltfError &) {
-        return; // the bake reports it
-    }
-    try {
+        replaceable_[number] = force_ || isReplaceable(job);
+        std::optional<Container> container;
+        try {
+            container = readJson(job.input);
+        } catch (const GltfError &) {
+            return; // the bake reports it
+        }
         const JsonTree tree(container->json());
         beside_[number] = filesBeside(tree.root(), job.input, job.output);
     } catch (const GltfError &error) {
         problems_[number] = error.what();
+    } catch (const std::bad_alloc &) {
+        problems_[number] = "out of memory";
     }
 }
 
@@ -144,23 +149,23 @@ std::string Conflicts::problemOf(size_t number)
     const BakeJob &job = jobs_[number];
     if (!problems_[number].empty())
         return problems_[number];
-    if (const auto id = idOf(job.output))
-        if (const auto read = reads_.find(*id); read != reads_.end() && read->second != job.input)
-            return "the output " + utf8Text(job.output) + " is read for " + utf8Text(read->second);
-    if (!force_ && !isReplaceable(job))
+    const auto read = reads_.find(locationOf(job.output));
+    const auto id = idOf(job.output);
+    const auto fileRead = id ? filesRead_.find(*id) : filesRead_.end();
+    for (const fs::path *reader :
+         {read != reads_.end() ? &read->second : nullptr, fileRead != filesRead_.end() ? &fileRead->second : nullptr})
+        if (reader != nullptr && *reader != job.input)
+            return "the output " + utf8Text(job.output) + " is read for " + utf8Text(*reader);
+    if (replaceable_[number] == 0)
         return "the output " + utf8Text(job.output) + " exists and was not written by vellum bake; --force replaces it";
-    std::map<fs::path, Write> writes = {{locationOf(job.output), {job.input, {}}}};
+    std::map<fs::path, Write, LocationOrder> writes = {{locationOf(job.output), {job.input, {}}}};
     for (const FilesBeside::Copy &copy : beside_[number].copies)
         writes.try_emplace(locationOf(copy.to), Write{job.input, copy.from});
     for (const auto &[location, write] : writes) {
         const auto other = writes_.find(location);
-        std::error_code error;
         if (other != writes_.end() &&
             (write.copied.empty() || other->second.copied.empty() || !sameBytes(write.copied, other->second.copied)))
             return utf8Text(location) + " would be another file for " + utf8Text(other->second.input);
-        if (other == writes_.end() && !write.copied.empty() && fs::exists(location, error) &&
-            !sameBytes(write.copied, location))
-            return utf8Text(location) + " exists and differs from " + utf8Text(write.copied);
     }
     writes_.merge(writes);
     return "";
@@ -198,27 +203,30 @@ std::vector<BakeJob> listedJobs(const BakeCommandOptions &options)
     return jobs;
 }
 
-std::vector<BakeJob> jobsOf(const job::Shard &shard, const std::vector<BakeJob> &jobs)
+// Removes the jobs that earlier logs have as done. Returns their number.
+size_t removeDone(const BakeCommandOptions &options, std::vector<BakeJob> &jobs)
 {
-    std::vector<job::Weighted> all;
-    for (const BakeJob &job : jobs)
-        all.push_back({utf8Text(job.output), job.bytes + 1}); // so that files without bytes are divided, too
-    const std::vector<uint32_t> shards = job::shardOfEach(all, shard.count);
-    std::vector<BakeJob> own;
-    for (size_t i = 0; i < jobs.size(); ++i)
-        if (shards[i] == shard.number)
-            own.push_back(jobs[i]);
-    return own;
+    std::error_code error;
+    job::DoneFiles done;
+    for (const fs::path &log : options.resume)
+        if (log != options.log || fs::exists(log, error)) // it is made when the first file has ended
+            done.add(log);
+    if (!done.empty() && !jobs.empty() &&
+        std::none_of(jobs.begin(), jobs.end(), [&](const BakeJob &job) { return done.names(job.input, job.output); }))
+        std::fprintf(stderr, "vellum: the logs of --resume name none of these files\n");
+    return std::erase_if(jobs, [&](const BakeJob &job) { return done.contains(job.input, job.output); });
 }
 
 } // namespace
 
-std::vector<BakeJob> planBake(const BakeCommandOptions &options)
+BakePlan planBake(const BakeCommandOptions &options)
 {
     std::error_code ignored;
     const bool anyFolder = std::any_of(options.inputs.begin(), options.inputs.end(),
                                        [&](const fs::path &input) { return fs::is_directory(input, ignored); });
     const bool several = options.inputs.size() > 1 || anyFolder || options.files;
+    if (options.shard && !several)
+        throw UsageError("--shard divides several files; one input cannot be divided");
     if (several && !options.output && !options.files)
         throw UsageError("several inputs need an output folder: -o FOLDER");
     const bool toFolder =
@@ -251,12 +259,18 @@ std::vector<BakeJob> planBake(const BakeCommandOptions &options)
         throw Error(options.files ? utf8Text(*options.files) + " lists no files"
                                   : utf8Text(options.inputs.front()) + " has no .glb or .gltf files");
     checkDistinct(jobs);
-    Conflicts conflicts(jobs, options);
+    std::vector<fs::path> inputs;
+    for (const BakeJob &job : jobs)
+        inputs.push_back(job.input);
+    if (options.shard)
+        std::erase_if(jobs, [&](const BakeJob &job) { return !job::isInShard(job.output, *options.shard); });
+    const size_t done = removeDone(options, jobs);
+    Conflicts conflicts(jobs, inputs, options);
     for (size_t i = 0; i < jobs.size(); ++i) {
         jobs[i].bytes = conflicts.bytesOf(i);
         jobs[i].problem = conflicts.problemOf(i);
     }
-    return options.shard ? jobsOf(*options.shard, jobs) : jobs;
+    return {std::move(jobs), done};
 }
 
 void UnmatchedExclusions::note(const Document &document)

@@ -207,11 +207,13 @@ BakeFileReport reportOf(const BakeJob &job, FileBake result)
     BakeFileReport report;
     report.job = job;
     report.failure = failureOf(job, result.bake);
+    report.code = report.failure.empty() ? ExitCode::Success : ExitCode::Failed;
     report.replaced = result.replaced;
     report.replacedLoss = std::move(result.replacedLoss);
     report.written = result.written;
     report.inputBytes = result.inputBytes;
     report.outputBytes = result.outputBytes;
+    report.files = std::move(result.files);
     report.surface = result.surface;
     report.micromaps = summariesOf(result.bake.micromaps);
     report.skipped = std::move(result.bake.skipped);

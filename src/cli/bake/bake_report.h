@@ -4,11 +4,14 @@
 
 #include <array>
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "cli/bake/bake.h"
+#include "cli/base/exit_code.h"
 #include "gltf/micromaps/known_surface.h"
 #include "inspect/report_parts.h"
 
@@ -29,15 +32,18 @@ struct BakedReport {
 
 struct BakeFileReport {
     BakeJob job;
-    std::string error; // in one line; empty if the file was baked. Everything below is empty otherwise
+    ExitCode code = ExitCode::Success;
     bool ended = true; // false: it was not baked because of an interruption or a full disk
-    // Why no primitive was baked although some should have been: something is not supported. Empty if one was.
+    std::string error; // in one line; empty if the file was baked. Otherwise nothing below is known
+    // Why no primitive was baked although some should have been: something is not supported, or micromaps are required.
+    // Empty if one was.
     std::string failure;
     bool replaced = false;
     std::string replacedLoss; // lossOfMicromaps() of the micromaps that were replaced
     bool written = false;
     uint64_t inputBytes = 0;
-    uint64_t outputBytes = 0; // 0 if nothing was written
+    uint64_t outputBytes = 0;                                      // 0 if nothing was written
+    std::vector<std::pair<std::filesystem::path, uint64_t>> files; // FileBake::files
     std::vector<BakedReport> primitives;
     std::vector<MicromapSummary> micromaps;
     std::vector<SkippedPrimitive> skipped;

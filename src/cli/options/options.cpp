@@ -72,7 +72,8 @@ CLI::Validator atLeast(double low)
 
 CLI::Validator finite()
 {
-    return numberWhere<double>([](double n, double, double) { return std::isfinite(n); }, 0, 0, "a number");
+    constexpr double kMost = std::numeric_limits<float>::max();
+    return numberWhere<double>([](double n, double, double most) { return std::abs(n) <= most; }, 0, kMost, "a number");
 }
 
 CLI::Validator wholeBetween(uint64_t low, uint64_t high)

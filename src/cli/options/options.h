@@ -46,7 +46,7 @@ std::string exitStatus(std::initializer_list<ExitCode> codes, const std::string 
 
 CLI::Validator between(double low, double high);
 CLI::Validator atLeast(double low);
-CLI::Validator finite();
+CLI::Validator finite(); // in single precision
 CLI::Validator wholeBetween(uint64_t low, uint64_t high);
 // The option accepts only these words. Also sets the type name to them, for completions.
 void takesWords(CLI::Option &option, const std::vector<std::string> &words);

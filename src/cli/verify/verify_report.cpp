@@ -251,7 +251,7 @@ ExitCode exitCodeOf(const VerifiedFile &file, bool strict, bool requireMicromaps
         return ExitCode::InvalidMicromaps;
     if (sum.of(Kind::Wrong) > 0)
         return ExitCode::WrongClaims;
-    if ((strict || requireMicromaps) && file.extension.empty())
+    if ((strict || requireMicromaps) && report.primitives.empty())
         return ExitCode::NoMicromaps;
     if (!strict)
         return ExitCode::Success;
@@ -281,6 +281,8 @@ void printVerified(const VerifiedFile &file, bool verbose)
         return;
     }
     fmt::print("{}: {}, {}, valid structure\n", file.path, file.extension, counted(file.micromaps.size(), "micromap"));
+    if (report.primitives.empty() && report.unverified.empty())
+        fmt::print("  no primitive has a micromap\n");
     printDevice(report);
     printPrimitives(report, verbose);
     if (file.surface)

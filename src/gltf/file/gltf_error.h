@@ -3,6 +3,7 @@
 #pragma once
 
 #include <stdexcept>
+#include <string>
 
 namespace vellum
 {
@@ -21,11 +22,20 @@ public:
     using GltfError::GltfError;
 };
 
-// The file system of an output is full or read-only: no other file can be written there either.
+// An output cannot be written, and neither can others.
 class GltfStorageError : public GltfError
 {
 public:
-    using GltfError::GltfError;
+    enum class Cause {
+        Full,     // the file system has too few bytes for this file
+        Quota,    // so has the user, the group or the folder
+        ReadOnly, // the file system
+    };
+    GltfStorageError(const std::string &message, Cause cause) : GltfError(message), cause_(cause) {}
+    [[nodiscard]] Cause cause() const { return cause_; }
+
+private:
+    Cause cause_;
 };
 
 } // namespace vellum

@@ -288,24 +288,29 @@ void DocumentBaker::readTexture(Source &source)
     }
 }
 
-// By the area in the scene. Triangles without one count a little, in proportion to none of the others.
+// By the area in the scene, of what is baked. Triangles without one count a little, in proportion to none of the
+// others.
 void DocumentBaker::weigh()
 {
     const std::map<PrimitivePlace, std::vector<double>> areas = surfaceAreas(document_);
     if (areas.empty())
         return; // all count alike
+    const auto areaOf = [&](const TrianglePlace &place) {
+        const auto its = areas.find(result_.primitives[place.primitive].place);
+        return its != areas.end() && place.triangle < its->second.size() ? its->second[place.triangle] : 0;
+    };
     double all = 0;
-    for (const auto &[place, its] : areas)
-        all = std::accumulate(its.begin(), its.end(), all);
+    for (const Source &source : sources_)
+        for (const auto &[alpha, layer] : source.layers)
+            for (const TrianglePlace &place : layer.places)
+                all += areaOf(place);
+    if (!(all > 0))
+        return;
     const double least = 1e-6 * all / static_cast<double>(std::max<size_t>(total_, 1));
     for (Source &source : sources_)
         for (auto &[alpha, layer] : source.layers)
-            for (const TrianglePlace &place : layer.places) {
-                const auto its = areas.find(result_.primitives[place.primitive].place);
-                const bool known = its != areas.end() && place.triangle < its->second.size();
-                layer.weights.push_back(
-                    static_cast<float>(std::max(least, known ? its->second[place.triangle] : 0) / all));
-            }
+            for (const TrianglePlace &place : layer.places)
+                layer.weights.push_back(static_cast<float>(std::max(least, areaOf(place)) / all));
 }
 
 // Bakes sources whose textures were read.

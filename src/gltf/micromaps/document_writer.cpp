@@ -23,6 +23,9 @@ namespace
 constexpr const char *kExtension = kMicromapExtension;
 // Marks the extension of files that were written here, in its "extras".
 constexpr const char *kGenerator = "vellum";
+// Marks files without the extension, in the "extras" of the asset: a member and its value.
+constexpr const char *kFileMark = "vellum";
+constexpr const char *kFileMarkValue = "bake";
 constexpr const char *kEarlier = kMicromapExtensions[1];
 constexpr size_t kMostBytes = 0x7fffffff; // the limit of readWholeFile
 // The alignment that Vulkan requires of the addresses of both inputs of a micromap build
@@ -62,6 +65,10 @@ public:
     }
 
     RewrittenFile write();
+    // The file as it is, except for the mark.
+    RewrittenFile writeMarked();
+    // Returns false if the file cannot be marked, or is already.
+    bool markFile();
 
 private:
     [[nodiscard]] bool dataInChunk() const;
@@ -351,7 +358,7 @@ RewrittenFile Writer::write()
                             [&](const StoredMicromap &micromap) { writeMicromap(micromap, json); });
     json.key("extras").beginObject().member("generator", kGenerator);
     if (bake_.blendCutoff)
-        json.member("blendCutoff", static_cast<double>(*bake_.blendCutoff));
+        json.member("blendCutoff", *bake_.blendCutoff);
     json.end();
     setExtension(root_, any ? json.end().text() : "");
     editPrimitives();
@@ -363,6 +370,28 @@ RewrittenFile Writer::write()
     return result;
 }
 
+RewrittenFile Writer::writeMarked()
+{
+    RewrittenFile result;
+    result.changed = false;
+    assemble(result);
+    return result;
+}
+
+bool Writer::markFile()
+{
+    const JsonValue asset = root_["asset"];
+    const JsonValue extras = asset["extras"];
+    if (extras.isObject() && asset.count("extras") == 1 && extras.count(kFileMark) == 0)
+        edit_.set(extras, kFileMark, quotedJson(kFileMarkValue));
+    else if (asset.isObject() && !extras.exists())
+        edit_.set(asset, "extras",
+                  JsonWriter(JsonStyle::Compact).beginObject().member(kFileMark, kFileMarkValue).end().text());
+    else
+        return false;
+    return true;
+}
+
 } // namespace
 
 bool hasMicromaps(const Document &document)
@@ -370,22 +399,27 @@ bool hasMicromaps(const Document &document)
     return hasMicromapExtension(document.root()["extensions"]);
 }
 
-bool hasOwnMicromaps(const JsonValue &root)
+bool isOwnFile(const JsonValue &root)
 {
-    return root["extensions"][kExtension]["extras"]["generator"].string() == kGenerator;
+    return root["extensions"][kExtension]["extras"]["generator"].string() == kGenerator ||
+           root["asset"]["extras"][kFileMark].string() == kFileMarkValue;
 }
 
-RewrittenFile withMicromaps(const Document &document, const DocumentBake &bake, const std::string &bufferStem)
+RewrittenFile withMicromaps(const Document &document, const DocumentBake &bake, const std::string &bufferStem,
+                            bool mark)
 {
     return document.named([&] {
-        RewrittenFile result;
+        Writer writer(document, bake, bufferStem);
+        const bool marked = mark && bake.micromaps.empty() && writer.markFile();
         const bool has = document.tree().text().find("_mesh_opacity_micromap") != std::string_view::npos;
-        if (bake.micromaps.empty() && !has) {
-            result.file.add(document.bytes());
-            result.changed = false;
-            return result;
-        }
-        return Writer(document, bake, bufferStem).write();
+        if (!bake.micromaps.empty() || has)
+            return writer.write();
+        if (marked)
+            return writer.writeMarked();
+        RewrittenFile copy;
+        copy.file.add(document.bytes());
+        copy.changed = false;
+        return copy;
     });
 }
 

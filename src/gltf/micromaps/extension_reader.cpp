@@ -234,9 +234,7 @@ void ExtensionReader::findExtension()
         if (!extension.exists() || !stored_.extension.empty())
             continue;
         stored_.extension = spelling;
-        const double cutoff = extension["extras"]["blendCutoff"].number().value_or(NAN);
-        if (std::abs(cutoff) <= std::numeric_limits<float>::max())
-            stored_.blendCutoff = static_cast<float>(cutoff);
+        stored_.blendCutoff = blendCutoffOf(root_);
         const JsonValue list = extension["micromaps"];
         if (!list.isArray() || list.children().empty())
             note(stored_.extension + ": \"micromaps\" is not an array with elements");
@@ -470,6 +468,20 @@ void ExtensionReader::checkIndices(const PrimitiveMicromap &primitive, size_t re
             note("triangle " + number(t) + ": index " + std::to_string(index) + " + base triangle " +
                  number(primitive.baseTriangle) + " is outside of the micromap's " + number(records) + " triangles");
     }
+}
+
+std::optional<float> blendCutoffOf(const JsonValue &root)
+{
+    for (const char *spelling : kMicromapExtensions) {
+        const JsonValue extension = root["extensions"][spelling];
+        if (!extension.exists())
+            continue;
+        const double cutoff = extension["extras"]["blendCutoff"].number().value_or(NAN);
+        if (std::abs(cutoff) <= std::numeric_limits<float>::max())
+            return static_cast<float>(cutoff);
+        return std::nullopt;
+    }
+    return std::nullopt;
 }
 
 } // namespace vellum

@@ -41,23 +41,27 @@ void checkPaths(const Document &document, const std::filesystem::path &output)
         throw GltfError("it is a .gltf file, and " + utf8Text(output) + " would not be");
 }
 
-} // namespace
-
-namespace
-{
-
-// The output comes last: as long as it is unchanged, so is all that belongs to it.
-void writeFiles(const Document &document, const std::filesystem::path &output, const RewrittenFile &rewritten,
-                const std::function<bool()> &cancelled)
+// The output comes last: as long as it is unchanged, so is all that belongs to it. Returns FileBake::files.
+std::vector<std::pair<std::filesystem::path, uint64_t>> writeFiles(const Document &document,
+                                                                   const std::filesystem::path &output,
+                                                                   const RewrittenFile &rewritten,
+                                                                   const std::function<bool()> &cancelled)
 {
     const FilesBeside beside = filesBeside(document.root(), document.path(), output);
+    std::vector<std::pair<std::filesystem::path, uint64_t>> written;
     OutputFiles files(cancelled);
-    for (const FilesBeside::Copy &copy : beside.copies)
+    for (const FilesBeside::Copy &copy : beside.copies) {
         files.copy(copy.from, copy.to, document.path());
-    if (rewritten.buffer.size() != 0)
-        files.writeOnce(folderOf(output) / utf8Path(rewritten.bufferName), rewritten.buffer);
+        written.emplace_back(copy.to, std::filesystem::file_size(copy.from));
+    }
+    if (rewritten.buffer.size() != 0) {
+        written.emplace_back(folderOf(output) / utf8Path(rewritten.bufferName), rewritten.buffer.size());
+        files.writeOnce(written.back().first, rewritten.buffer);
+    }
+    written.emplace_back(output, rewritten.file.size());
     files.write(output, rewritten.file);
     files.publish();
+    return written;
 }
 
 } // namespace
@@ -111,17 +115,20 @@ FileBake bakeFile(const Document &document, const std::filesystem::path &output,
         result.bake = bakeDocument(document, options);
         if (options.measure)
             result.surface = surfaceShares(document, storedOf(result.bake));
-        const RewrittenFile rewritten =
-            withMicromaps(document, result.bake, document.binary() || options.embed ? "" : bufferStem(output));
+        const RewrittenFile rewritten = withMicromaps(
+            document, result.bake, document.binary() || options.embed ? "" : bufferStem(output), options.mark);
+        std::error_code error;
         if ((options.requireMicromaps && result.bake.primitives.empty()) ||
-            (options.skipUnchanged && !rewritten.changed))
+            (options.skipUnchanged && !rewritten.changed && !std::filesystem::exists(output, error)))
             return result;
         result.written = true;
         result.outputBytes = rewritten.file.size() + rewritten.buffer.size();
+        if (options.dryRun)
+            return result;
         if (options.sink)
             options.sink(rewritten.file);
         else
-            writeFiles(document, output, rewritten, options.bake.cancelled);
+            result.files = writeFiles(document, output, rewritten, options.bake.cancelled);
         return result;
     });
 }

@@ -4,6 +4,8 @@
 
 #include <filesystem>
 #include <functional>
+#include <utility>
+#include <vector>
 
 #include "gltf/file/output_files.h"
 #include "gltf/micromaps/document_bake.h"
@@ -19,9 +21,13 @@ struct FileBakeOptions : DocumentBakeOptions {
     bool measure = false;
     // Writes nothing where no primitive gets a micromap.
     bool requireMicromaps = false;
-    // Writes no copy: nothing where the output would have the bytes of the input.
+    // Writes nothing where the output would equal the input, unless there is an earlier output.
     bool skipUnchanged = false;
-    // Takes the output instead of a file; files that a .gltf names are not copied then. May do nothing: a dry run.
+    // Marks outputs without micromaps as well, so that a later bake knows them as outputs (isOwnFile()).
+    bool mark = false;
+    // Does everything but write.
+    bool dryRun = false;
+    // Takes the output instead of a file; files that a .gltf names are not copied then.
     std::function<void(const FileContent &)> sink{};
 };
 
@@ -31,8 +37,11 @@ struct FileBake {
     std::string replacedLoss; // lossOfMicromaps() of these; empty if they had their data
     std::optional<SurfaceShares> surface;
     uint64_t inputBytes = 0;  // of the file itself
-    bool written = false;     // or passed to the sink
+    bool written = false;     // or passed to the sink, or a dry run
     uint64_t outputBytes = 0; // including the separate file of micromaps; 0 if nothing was written
+    // What belongs to the output and is there now, with its size: the output, its micromaps and the files that it
+    // names.
+    std::vector<std::pair<std::filesystem::path, uint64_t>> files;
 };
 
 // The files that a document names, as far as they exist.

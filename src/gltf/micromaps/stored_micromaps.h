@@ -59,6 +59,9 @@ struct StoredMicromaps {
     [[nodiscard]] std::optional<Micromap> of(PrimitivePlace place) const;
 };
 
+// StoredMicromaps::blendCutoff of the file with this JSON.
+std::optional<float> blendCutoffOf(const JsonValue &root);
+
 // Something in a file that breaks a rule of the extension.
 struct MicromapFinding {
     std::string place;   // `micromaps[0]` or `mesh 2 "leaves" primitive 0`

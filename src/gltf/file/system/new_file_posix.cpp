@@ -17,8 +17,11 @@ namespace
 [[noreturn]] void failAt(const std::filesystem::path &path, const std::string &what, int error)
 {
     const std::string message = path.string() + ": " + what + ": " + std::strerror(error);
+    using Cause = GltfStorageError::Cause;
     if (error == ENOSPC || error == EDQUOT || error == EROFS)
-        throw GltfStorageError(message);
+        throw GltfStorageError(message, error == ENOSPC   ? Cause::Full
+                                        : error == EDQUOT ? Cause::Quota
+                                                          : Cause::ReadOnly);
     throw GltfError(message);
 }
 

@@ -19,7 +19,8 @@ namespace
     const std::string message =
         utf8Text(path) + ": " + what + ": " + std::system_category().message(static_cast<int>(error));
     if (error == ERROR_DISK_FULL || error == ERROR_HANDLE_DISK_FULL || error == ERROR_WRITE_PROTECT)
-        throw GltfStorageError(message);
+        throw GltfStorageError(message, error == ERROR_WRITE_PROTECT ? GltfStorageError::Cause::ReadOnly
+                                                                     : GltfStorageError::Cause::Full);
     throw GltfError(message);
 }
 
