@@ -72,7 +72,9 @@ public:
     Conflicts(const std::vector<BakeJob> &jobs, const BakeCommandOptions &options);
     // Why this job, the next one in order, cannot be baked; empty if it can.
     std::string problemOf(size_t number);
-    // The bytes of its input and the files that this names.
+    // The files that its input names.
+    [[nodiscard]] const std::vector<fs::path> &namedBy(size_t number) const { return beside_[number].read; }
+    // The bytes of its input and these files.
     [[nodiscard]] uint64_t bytesOf(size_t number) const;
 
 private:
@@ -254,6 +256,7 @@ std::vector<BakeJob> planBake(const BakeCommandOptions &options)
     Conflicts conflicts(jobs, options);
     for (size_t i = 0; i < jobs.size(); ++i) {
         jobs[i].bytes = conflicts.bytesOf(i);
+        jobs[i].named = conflicts.namedBy(i);
         jobs[i].problem = conflicts.problemOf(i);
     }
     return options.shard ? jobsOf(*options.shard, jobs) : jobs;
