@@ -8,9 +8,9 @@ usage: cache.py VELLUM FOLDER [RUNS]
 """
 import json
 import math
-import os
 import pathlib
 import random
+import resource
 import struct
 import subprocess
 import sys
@@ -71,10 +71,10 @@ def glb(number, image):
 
 
 def cpu_ms(*words):
-    before = os.times()
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run([str(word) for word in words], check=True, stdout=subprocess.DEVNULL)
-    after = os.times()
-    return 1000 * (after.children_user + after.children_system - before.children_user - before.children_system)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return 1000 * (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
 
 
 def measure(vellum, source, scratch, runs, files):
