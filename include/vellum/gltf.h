@@ -127,6 +127,30 @@ typedef enum VellumGltfBakeFlagBits {
     VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT = 4
 } VellumGltfBakeFlagBits;
 
+// A cache of the caller's, such as the derived-data cache of an engine: values of a few kilobytes by keys of
+// VELLUM_GLTF_CACHE_KEY_SIZE bytes. vellumBakeGltf() asks for the result of each micromap before it bakes it, or with a
+// budget, which all micromaps share, for the results of the whole file at once. A result that is found costs neither
+// decoding an image nor baking, and the output has the same bytes.
+//
+// The key is a digest (SHA-256) of all that a result depends on: vellumGetBakeVersion(), the members of
+// VellumBakeOptions that matter to it, the image as it is stored, the sampler, the factors of alpha, the cutoff, and
+// the texture coordinates of each triangle; with a budget, also of the area of each triangle in the scene. So equal
+// parts of different files have one key, and names, other meshes, `threads` and callbacks are not in it. Values have a
+// checksum: one that was damaged, or put with another key, is baked again. Nothing protects against someone who forges
+// values on purpose.
+//
+// Both are called on the thread that called vellumBakeGltf(), and return normally, as all callbacks. They cannot fail:
+// a value that cannot be read is not there, and one that cannot be written is not kept.
+#define VELLUM_GLTF_CACHE_KEY_SIZE 32
+// Takes the value that is found, at most once in each VellumGltfCacheGetCallback. It is copied: `value` needs to be
+// valid during this call only.
+typedef void (*VellumGltfCacheValueCallback)(void *receiver, const void *value, size_t size);
+// Looks a key up. Calls found(receiver, value, size) before it returns if there is a value; otherwise not.
+typedef void (*VellumGltfCacheGetCallback)(void *userData, const uint8_t *key, VellumGltfCacheValueCallback found,
+                                           void *receiver);
+// Keeps a value for a key, in place of an earlier one. Both are valid during the call.
+typedef void (*VellumGltfCachePutCallback)(void *userData, const uint8_t *key, const void *value, size_t size);
+
 typedef struct VellumGltfBakeOptions {
     size_t structSize;
     uint32_t flags;    // VellumGltfBakeFlagBits; default 0
@@ -139,6 +163,9 @@ typedef struct VellumGltfBakeOptions {
     // Called for every alpha-tested primitive that got no micromap, with the reason, once the output is written. With
     // userData of the VellumBakeOptions. May be null; default null.
     VellumGltfNoteCallback skipped;
+    // A cache, with userData of the VellumBakeOptions. Each may be null; default null.
+    VellumGltfCacheGetCallback cacheGet;
+    VellumGltfCachePutCallback cachePut;
 } VellumGltfBakeOptions;
 
 VELLUM_API void vellumInitGltfBakeOptions(VellumGltfBakeOptions *options, size_t structSize);
@@ -154,6 +181,8 @@ typedef struct VellumGltfBakeInfo {
     uint64_t outputSize;   // bytes of the output, with its file of micromaps
     uint32_t replaced;     // 1 if the input had micromaps, all of which were replaced or removed; otherwise 0
     uint32_t reserved;     // 0
+    size_t cacheHits;      // results that cacheGet found
+    size_t cacheMisses;    // results that were baked although there is a cache
 } VellumGltfBakeInfo;
 
 // Bakes the alpha-tested primitives of a glTF file and writes the file with their micromaps; everything else stays byte

@@ -65,6 +65,10 @@ extern "C" {
 // Returns the version of the library in use; VELLUM_HEADER_VERSION is that of this header.
 VELLUM_API uint32_t vellumGetVersion(void);
 
+// Returns a number that is higher in every version of the library whose results for the same arguments may differ from
+// those of earlier ones. Caches of results need it in their keys.
+VELLUM_API uint32_t vellumGetBakeVersion(void);
+
 typedef enum VellumResult {
     VELLUM_SUCCESS = 0,
     VELLUM_CANCELLED = 1,               // a callback cancelled the call

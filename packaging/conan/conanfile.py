@@ -50,7 +50,7 @@ class VellumConan(ConanFile):
     def requirements(self):
         if not self.options.tools:
             return
-        for reference in ("boost/[>=1.74]", "cli11/[>=2.3]", "fmt/[>=9]", "rapidjson/[>=cci.20220822]",
+        for reference in ("boost/[>=1.74]", "cli11/[>=2.3]", "fmt/[>=9]", "openssl/[>=3 <4]", "rapidjson/[>=cci.20220822]",
                           "stb/[>=cci.20220909]", "vulkan-headers/[>=1.3.239]",
                           "vulkan-loader/[>=1.3.239]", "zlib/[>=1.2.11 <2]"):
             self.requires(reference)

@@ -55,6 +55,14 @@ TextureKey textureKeyOf(const Material &material)
     return {material.image, material.wrapU, material.wrapV, material.filter, material.baseColor[3]};
 }
 
+const EncodedImage &AlphaTextures::encoded(int image)
+{
+    const auto found = encoded_.find(image);
+    if (found != encoded_.end())
+        return found->second;
+    return encoded_.emplace(image, readEncodedImage(document_, image)).first->second;
+}
+
 std::shared_ptr<const AlphaTexture> AlphaTextures::of(const Material &material)
 {
     const TextureKey key = textureKeyOf(material);
@@ -67,7 +75,8 @@ std::shared_ptr<const AlphaTexture> AlphaTextures::of(const Material &material)
         decoded_ = material.image;
         failure_ = nullptr;
         try {
-            image_ = images_.decode(material.image);
+            image_ = images_.decode(material.image, encoded(material.image));
+            encoded_.erase(material.image);
         } catch (...) {
             failure_ = std::current_exception();
         }

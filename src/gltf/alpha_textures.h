@@ -4,6 +4,7 @@
 #pragma once
 
 #include <exception>
+#include <map>
 #include <memory>
 #include <optional>
 #include <set>
@@ -42,14 +43,21 @@ TextureKey textureKeyOf(const Material &material);
 class AlphaTextures
 {
 public:
-    explicit AlphaTextures(const Document &document) : images_(document) {}
+    explicit AlphaTextures(const Document &document) : document_(document), images_(document) {}
 
+    // An image as it is stored, which is kept for of(): both see the same bytes, whatever happens to its file. Throws
+    // what readEncodedImage() throws.
+    const EncodedImage &encoded(int image);
+    // Drops the images that encoded() keeps.
+    void forgetEncoded() { encoded_.clear(); }
     // Throws what readImage() throws, and GltfError for too many texels.
     std::shared_ptr<const AlphaTexture> of(const Material &material);
     [[nodiscard]] ImageDecoder &images() { return images_; }
 
 private:
+    const Document &document_;
     ImageDecoder images_;
+    std::map<int, EncodedImage> encoded_;
     int decoded_ = -1; // the number of image_
     Image image_;
     std::exception_ptr failure_;    // why the last one failed

@@ -6,6 +6,9 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <new>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -20,8 +23,8 @@ namespace vellum::library
 VELLUM_STRUCTURE(VellumGltfInfo, primitiveCount);
 VELLUM_STRUCTURE(VellumGltfMicromapInfo, usageCount);
 VELLUM_STRUCTURE(VellumGltfPrimitiveInfo, reserved);
-VELLUM_STRUCTURE(VellumGltfBakeOptions, skipped);
-VELLUM_STRUCTURE(VellumGltfBakeInfo, reserved);
+VELLUM_STRUCTURE(VellumGltfBakeOptions, cachePut);
+VELLUM_STRUCTURE(VellumGltfBakeInfo, cacheMisses);
 
 VellumGltfBakeOptions Structure<VellumGltfBakeOptions>::defaults()
 {
@@ -130,6 +133,33 @@ FileBakeOptions readFileOptions(const VellumBakeOptions &bake, const VellumGltfB
     return options;
 }
 
+// The cache of these callbacks, either of which may be null.
+BakeCache cacheOf(const VellumGltfBakeOptions &given, void *userData)
+{
+    using Value = std::optional<std::vector<uint8_t>>;
+    BakeCache cache;
+    if (given.cacheGet != nullptr)
+        cache.get = [get = given.cacheGet, userData](const Digest &key) {
+            Value value;
+            // No exception may pass through the caller's code.
+            const VellumGltfCacheValueCallback take = [](void *receiver, const void *bytes, size_t size) {
+                try {
+                    const auto *first = static_cast<const uint8_t *>(bytes);
+                    static_cast<Value *>(receiver)->emplace(first, first + size);
+                } catch (const std::bad_alloc &) {
+                    static_cast<Value *>(receiver)->reset();
+                }
+            };
+            get(userData, key.data(), take, &value);
+            return value;
+        };
+    if (given.cachePut != nullptr)
+        cache.put = [put = given.cachePut, userData](const Digest &key, std::span<const uint8_t> value) {
+            put(userData, key.data(), value.data(), value.size());
+        };
+    return cache;
+}
+
 VellumGltfBakeInfo infoOf(const FileBake &made)
 {
     VellumGltfBakeInfo info{};
@@ -141,6 +171,8 @@ VellumGltfBakeInfo infoOf(const FileBake &made)
     info.inputSize = made.inputBytes;
     info.outputSize = made.outputBytes;
     info.replaced = made.replaced ? 1 : 0;
+    info.cacheHits = made.bake.cacheHits;
+    info.cacheMisses = made.bake.cacheMisses;
     return info;
 }
 
@@ -263,6 +295,7 @@ VellumResult vellumBakeGltf(const char *input, const char *output, const VellumB
         const std::filesystem::path from = pathOf("input", input);
         const std::filesystem::path to = pathOf("output", output);
         FileBakeOptions wanted = readFileOptions(known, gltf);
+        wanted.cache = cacheOf(gltf, known.userData);
         // Whoever stops the bake at its last triangle is heard before the first byte is written.
         const Callbacks callbacks(known, wanted.bake);
         const FileBake made = ofFile([&] {

@@ -79,6 +79,11 @@ uint32_t vellumGetVersion()
     return VELLUM_HEADER_VERSION;
 }
 
+uint32_t vellumGetBakeVersion()
+{
+    return kBakeVersion;
+}
+
 const char *vellumResultName(VellumResult result)
 {
     switch (static_cast<int>(result)) {

@@ -42,6 +42,7 @@ with tempfile.TemporaryDirectory() as name:
     bake = report("bake", tree, "--level", "3")
     assert len(bake["files"][0]["primitives"]) == 2
     report("bake", tree, "--exclude-material", "tw*", "--dry-run", "--states", "2")
+    assert report("bake", tree, "--dry-run", "--cache", folder / "cache")["files"][0]["cache"] == {"hits": 0, "misses": 2}
     report("bake", tree, cut, "-o", folder / "out", code=1)
     unbaked = report("bake", tree, "--exclude-material", "*", "--force")["files"][0]
     assert not unbaked["written"] and len(unbaked["skipped"]) == 2

@@ -47,8 +47,8 @@ def targets(build):
     return set(re.findall(r"^([\w-]+): phony", run(options.cmake, "--build", build, "--target", "help"), re.M))
 
 
-NOT_FOR_THE_LIBRARY = ("Vulkan", "PNG", "JPEG", "ZLIB", "fmt", "CLI11", "GTest", "Python3")
-NOT_FOR_THE_LAYER = ("PNG", "JPEG", "ZLIB", "fmt", "CLI11", "GTest")
+NOT_FOR_THE_LIBRARY = ("Vulkan", "PNG", "JPEG", "ZLIB", "OpenSSL", "fmt", "CLI11", "GTest", "Python3")
+NOT_FOR_THE_LAYER = ("PNG", "JPEG", "ZLIB", "OpenSSL", "fmt", "CLI11", "GTest")
 
 
 class BuildModes(unittest.TestCase):

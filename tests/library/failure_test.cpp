@@ -346,6 +346,7 @@ TEST(LibraryFailure, ManyThreadsAtOnce)
 TEST(LibraryFailure, NamesAndVersion)
 {
     EXPECT_EQ(vellumGetVersion(), VELLUM_HEADER_VERSION);
+    EXPECT_GE(vellumGetBakeVersion(), 1u);
     EXPECT_STREQ(vellumResultName(VELLUM_SUCCESS), "VELLUM_SUCCESS");
     EXPECT_STREQ(vellumResultName(VELLUM_CANCELLED), "VELLUM_CANCELLED");
     EXPECT_STREQ(vellumResultName(VELLUM_ERROR_INVALID_ARGUMENT), "VELLUM_ERROR_INVALID_ARGUMENT");

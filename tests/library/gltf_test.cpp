@@ -6,6 +6,8 @@
 #include <cstring>
 #include <functional>
 #include <limits>
+#include <map>
+#include <thread>
 
 #include "allocations.h"
 #include "glb_file.h"
@@ -113,6 +115,38 @@ struct Card {
     std::vector<std::string> notes;
 };
 
+// A cache of a caller's, for a Card whose userData it takes the place of.
+struct Cache {
+    explicit Cache(Card &card)
+    {
+        card.options.message = nullptr;
+        card.options.userData = this;
+        card.more.skipped = nullptr;
+        card.more.cacheGet = get;
+        card.more.cachePut = put;
+    }
+    static void get(void *self, const uint8_t *key, VellumGltfCacheValueCallback found, void *receiver)
+    {
+        const auto &cache = *static_cast<Cache *>(self);
+        EXPECT_EQ(std::this_thread::get_id(), cache.thread);
+        const auto value = cache.values.find({key, key + VELLUM_GLTF_CACHE_KEY_SIZE});
+        if (value != cache.values.end()) {
+            const Bytes copy = value->second; // valid during the call only
+            found(receiver, copy.data(), copy.size());
+        }
+    }
+    static void put(void *self, const uint8_t *key, const void *value, size_t size)
+    {
+        auto &cache = *static_cast<Cache *>(self);
+        EXPECT_EQ(std::this_thread::get_id(), cache.thread);
+        const auto *first = static_cast<const uint8_t *>(value);
+        cache.values[{key, key + VELLUM_GLTF_CACHE_KEY_SIZE}] = {first, first + size};
+    }
+
+    std::map<Bytes, Bytes> values;
+    std::thread::id thread = std::this_thread::get_id();
+};
+
 bool equal(const VellumMicromapUsage *usages, size_t count, const std::vector<MicromapUsage> &expected)
 {
     return std::equal(usages, usages + count, expected.begin(), expected.end(),
@@ -126,6 +160,40 @@ const Replacements kNamed = {{R"({"primitives": [)", R"({"name": "leaves", "prim
 const Replacements kBlend = {{R"("alphaMode": "MASK", "alphaCutoff": 0.25)", R"("alphaMode": "BLEND")"}};
 
 } // namespace
+
+TEST(LibraryGltf, UsesACacheOfTheCaller)
+{
+    Card card;
+    ASSERT_EQ(card.bake("card.glb", "plain.glb"), VELLUM_SUCCESS);
+    EXPECT_EQ(card.info.cacheHits + card.info.cacheMisses, 0u);
+    const Bytes plain = readFile(card.folder / "plain.glb");
+    Cache cache(card);
+    const auto expect = [&](size_t hits, size_t misses) {
+        ASSERT_EQ(card.bake(), VELLUM_SUCCESS);
+        EXPECT_EQ(card.info.cacheHits, hits);
+        EXPECT_EQ(card.info.cacheMisses, misses);
+        EXPECT_EQ(readFile(card.folder / "card.omm.glb"), plain);
+    };
+    card.options.threads = 3;
+    expect(0, 1);
+    expect(1, 0);
+    ASSERT_EQ(cache.values.size(), 1u);
+    Bytes &value = cache.values.begin()->second;
+    const Bytes whole = value;
+    value[value.size() / 2] ^= 1;
+    expect(0, 1);
+    EXPECT_EQ(value, whole);
+    value.clear();
+    expect(0, 1);
+    // Either alone.
+    card.more.cachePut = nullptr;
+    expect(1, 0);
+    card.more.cacheGet = nullptr;
+    card.more.cachePut = Cache::put;
+    cache.values.clear();
+    expect(0, 1);
+    EXPECT_EQ(cache.values.begin()->second, whole);
+}
 
 TEST(LibraryGltf, ReadsWhatItBaked)
 {

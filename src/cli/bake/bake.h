@@ -28,6 +28,9 @@ struct BakeCommandOptions {
     std::optional<std::filesystem::path> log;    // gets a line for each file
     std::vector<std::filesystem::path> resume;   // earlier logs: what is done is not baked again
     std::optional<std::filesystem::path> output; // "-" is stdout
+    std::optional<std::filesystem::path> depfile;
+    std::filesystem::path cache;            // empty: none
+    uint64_t cacheSize = uint64_t{5} << 30; // bytes
     FileBakeOptions bake;
     unsigned threads = 0; // 0: one for each processor
     bool force = false;   // replaces any file
@@ -45,14 +48,15 @@ std::function<void()> declareBaking(CLI::App &command, DocumentBakeOptions &opti
 // Returns nothing for "auto". Throws UsageError.
 std::optional<uint32_t> parseLevel(const std::string &text);
 
-// "1500", "64K", "2M" or "1G", with steps of 1024. Throws UsageError.
-uint64_t parseBytes(const std::string &text);
+// The value of an option: "1500", "64K", "2M" or "1G", with steps of 1024. Throws UsageError.
+uint64_t parseBytes(const std::string &option, const std::string &text);
 
 struct BakeJob {
     std::filesystem::path input;
     std::filesystem::path output;
-    std::string problem; // why it cannot be baked; empty if it can
-    uint64_t bytes = 0;  // of the input and the files that it names
+    std::string problem;                      // why it cannot be baked; empty if it can
+    uint64_t bytes = 0;                       // of the input and the files that it names
+    std::vector<std::filesystem::path> named; // these files
 };
 
 struct BakePlan {

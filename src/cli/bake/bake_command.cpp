@@ -19,7 +19,9 @@
 #include "cli/base/files.h"
 #include "core/parallel.h"
 #include "core/utf8_path.h"
+#include "gltf/file/cache_folder.h"
 #include "gltf/file/gltf_error.h"
+#include "job/depfile.h"
 #include "job/log.h"
 
 namespace vellum::cli
@@ -279,6 +281,22 @@ BakeRun bakeAll(const BakeCommandOptions &options, UnmatchedExclusions &exclusio
     return run;
 }
 
+// Throws Error.
+void writeDepfile(const fs::path &path, const std::vector<BakeFileReport> &reports)
+{
+    std::string text;
+    for (const BakeFileReport &report : reports) {
+        if (!report.error.empty())
+            continue;
+        std::vector<fs::path> read;
+        if (!isStandardStream(report.job.input))
+            read.push_back(report.job.input);
+        read.insert(read.end(), report.job.named.begin(), report.job.named.end());
+        text += job::depfileRule(report.job.output, read);
+    }
+    writeWhole(path, {reinterpret_cast<const uint8_t *>(text.data()), text.size()});
+}
+
 // Prints errors and problems to stderr, a line each.
 ExitCode printProblems(const std::vector<BakeFileReport> &reports)
 {
@@ -311,6 +329,15 @@ int bakeCommand(BakeCommandOptions &options)
     options.bake.skipUnchanged = !options.copy && options.output != "-";
     if (options.quiet && !options.json)
         discardReports();
+    std::optional<CacheFolder> cache;
+    if (!options.cache.empty()) {
+        cache.emplace(options.cache, options.cacheSize);
+        options.bake.cache.get = [&cache](const Digest &key) { return cache->get(key); };
+        if (!options.dryRun)
+            options.bake.cache.put = [&cache](const Digest &key, std::span<const uint8_t> value) {
+                cache->put(key, value);
+            };
+    }
     UnmatchedExclusions exclusions(options.bake);
     const BakeRun run = bakeAll(options, exclusions);
     const std::vector<BakeFileReport> &reports = run.reports;
@@ -334,6 +361,10 @@ int bakeCommand(BakeCommandOptions &options)
                     counted(static_cast<size_t>(unchanged), "output was", "outputs were").c_str());
     std::fflush(stdout);
     ExitCode code = printProblems(reports);
+    if (cache && !cache->problem().empty())
+        std::fprintf(stderr, "vellum: warning: the cache cannot be used as it should: %s\n", cache->problem().c_str());
+    if (options.depfile)
+        writeDepfile(*options.depfile, reports);
     if (!run.logError.empty()) {
         std::fprintf(stderr, "vellum: %s\n", run.logError.c_str());
         code = worse(code, ExitCode::Failed);

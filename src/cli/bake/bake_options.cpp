@@ -44,6 +44,16 @@ in, so names must be written alike on all machines.
 the files that a log has as done, whose outputs must be there still. After changing inputs or options, start a new log.
 Both may be the same file.
 
+--cache keeps each micromap in a folder, by a digest of all that determines it: the bytes of the image, the sampler, the
+texture coordinates of the triangles, the cutoff, the options and the version of the baker. A file whose micromaps are
+there is neither decoded nor baked, and gets the same bytes. Names, positions and other meshes do not matter. With
+--budget, all micromaps of a file are kept together. Any number of processes and machines may share the folder, which
+takes --cache-size at most: what was not used for the longest time is removed. Damaged micromaps are baked again. If the
+folder cannot be used, a warning says why, and everything is baked.
+
+--depfile states for each output the input and the files that this names. A build that needs every output also needs
+--copy.
+
 A .glb stays a .glb. A .gltf stays a .gltf: its micromaps go into NAME.omm-DIGEST.bin beside it, and the files that it
 names are copied if the output is in another folder.
 
@@ -60,6 +70,8 @@ Examples:
       alphaMode BLEND as well, but not glass
   vellum bake --files list.txt -o baked/ --shard 2/8 --log 2.jsonl --resume 2.jsonl
       the second of eight parts; the same command goes on where it was interrupted
+  vellum bake tree.gltf -o out/tree.gltf --copy --depfile out/tree.d --cache ~/.cache/vellum
+      in a rule of Make or Ninja
   vellum bake - - < tree.glb > tree.omm.glb
       as a filter
 )";
@@ -72,11 +84,20 @@ struct RawBakeOptions {
     bool exact = false;
 };
 
+// 4 values for each folder of the cache.
+constexpr uint64_t kLeastCacheSize = uint64_t{1} << 20;
+
 const std::map<std::string, TwoStateRule> kRules = {{"nearest", TwoStateRule::Nearest},
                                                     {"opaque", TwoStateRule::UnknownIsOpaque},
                                                     {"transparent", TwoStateRule::UnknownIsTransparent}};
 
-void declareFiles(CLI::App &command, BakeCommandOptions &options, std::string &shard)
+// What the options of files are made of.
+struct RawFileOptions {
+    std::string shard;
+    std::string cacheSize;
+};
+
+void declareFiles(CLI::App &command, BakeCommandOptions &options, RawFileOptions &raw)
 {
     command.option_defaults()->group(kInput);
     command
@@ -87,7 +108,7 @@ void declareFiles(CLI::App &command, BakeCommandOptions &options, std::string &s
         .add_option("--files", options.files,
                     "Bake the files of this list instead: INPUT or INPUT<TAB>OUTPUT a line; - is stdin")
         ->type_name("LIST");
-    command.add_option("--shard", shard, "Bake the files of part K of N only, as 2/8")->type_name("K/N");
+    command.add_option("--shard", raw.shard, "Bake the files of part K of N only, as 2/8")->type_name("K/N");
     command
         .add_option("--resume", options.resume, "Skip what this log has as done and whose outputs exist; repeatable")
         ->allow_extra_args(false)
@@ -108,6 +129,20 @@ void declareFiles(CLI::App &command, BakeCommandOptions &options, std::string &s
     command
         .add_option("--log", options.log, "Append a line of JSON to this file whenever a file is done or has failed")
         ->type_name("LOG");
+    command
+        .add_option("--depfile", options.depfile,
+                    "Write the files that each output depends on to this file, for Make and Ninja")
+        ->type_name("FILE");
+    command.option_defaults()->group(kCache);
+    command
+        .add_option("--cache", options.cache,
+                    "Keep micromaps in this folder, and take from there what an earlier bake kept; empty for none "
+                    "[VELLUM_CACHE, or else none]")
+        ->envname("VELLUM_CACHE")
+        ->type_name("FOLDER");
+    command
+        .add_option("--cache-size", raw.cacheSize, "Most bytes that the cache takes, like 500M or 20G, from 1M on [5G]")
+        ->type_name("BYTES");
     command.option_defaults()->group(kGeneral);
     command.add_flag("-q,--quiet", options.quiet, "Print errors only");
     command.add_option("-j,--threads", options.threads, "Number of threads [one for each processor]")
@@ -168,7 +203,7 @@ void finishBaking(DocumentBakeOptions &options, const RawBakeOptions &raw)
     BakeOptions &bake = options.bake;
     bake.level = parseLevel(raw.level);
     if (!raw.budget.empty())
-        bake.budget = parseBytes(raw.budget);
+        bake.budget = parseBytes("--budget", raw.budget);
     bake.format = raw.states == "2" ? Format::TwoState : Format::FourState;
     bake.twoStateRule = kRules.at(raw.rule);
     if (raw.exact)
@@ -191,6 +226,15 @@ void splitOperands(BakeCommandOptions &options)
         options.output = "-";
 }
 
+// A file that is written beside the outputs.
+void checkOwnFile(const BakeCommandOptions &options, const char *option, const std::filesystem::path &file)
+{
+    if (options.dryRun)
+        throw UsageError(std::string(option) + " and --dry-run exclude each other");
+    if (isStandardStream(file) || suffixOf(file) == ".glb" || suffixOf(file) == ".gltf")
+        throw UsageError(std::string(option) + " must be a file of its own, got " + utf8Text(file));
+}
+
 void checkTogether(const BakeCommandOptions &options)
 {
     if (options.inputs.empty() && !options.files)
@@ -199,11 +243,14 @@ void checkTogether(const BakeCommandOptions &options)
         throw UsageError("IN and --files exclude each other");
     if (options.files && options.output == "-")
         throw UsageError("--files needs an output folder, not stdout");
-    if (options.log && options.dryRun)
-        throw UsageError("--log and --dry-run exclude each other");
-    if (options.log &&
-        (isStandardStream(*options.log) || suffixOf(*options.log) == ".glb" || suffixOf(*options.log) == ".gltf"))
-        throw UsageError("--log must be a file of its own, got " + utf8Text(*options.log));
+    if (options.log)
+        checkOwnFile(options, "--log", *options.log);
+    if (options.depfile)
+        checkOwnFile(options, "--depfile", *options.depfile);
+    if (options.depfile && options.output == "-")
+        throw UsageError("--depfile needs an output file, not stdout");
+    if (options.cacheSize < kLeastCacheSize)
+        throw UsageError("--cache-size must be at least 1M");
     if (options.table && options.json)
         throw UsageError("--report and --json exclude each other");
     if (options.json && options.output == "-")
@@ -238,7 +285,7 @@ std::optional<uint32_t> parseLevel(const std::string &text)
     return level;
 }
 
-uint64_t parseBytes(const std::string &text)
+uint64_t parseBytes(const std::string &option, const std::string &text)
 {
     uint64_t number = 0;
     const char *end = text.data() + text.size();
@@ -252,7 +299,7 @@ uint64_t parseBytes(const std::string &text)
     else if (unit == "G")
         shift = 30;
     if (read.ec != std::errc() || (!unit.empty() && shift == 0) || number > (~uint64_t{0} >> shift))
-        throw UsageError("--budget must be a number of bytes like 1500, 64K, 2M or 1G, got " + text);
+        throw UsageError(option + " must be a number of bytes like 1500, 64K, 2M or 1G, got " + text);
     return number << shift;
 }
 
@@ -262,13 +309,15 @@ std::function<int()> declareBakeCommand(CLI::App &app)
     CLI::App &command = *app.add_subcommand("bake", "Bakes opacity micromaps into glTF files");
     command.footer(kBakeDetails +
                    exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage, ExitCode::NoMicromaps}));
-    const auto shard = std::make_shared<std::string>();
-    declareFiles(command, *options, *shard);
+    const auto raw = std::make_shared<RawFileOptions>();
+    declareFiles(command, *options, *raw);
     const std::function<void()> finish = declareBaking(command, options->bake);
-    return [options, shard, finish] {
+    return [options, raw, finish] {
         finish();
-        if (!shard->empty())
-            options->shard = job::parseShard(*shard);
+        if (!raw->shard.empty())
+            options->shard = job::parseShard(raw->shard);
+        if (!raw->cacheSize.empty())
+            options->cacheSize = parseBytes("--cache-size", raw->cacheSize);
         splitOperands(*options);
         checkTogether(*options);
         return bakeCommand(*options);

@@ -69,7 +69,9 @@ public:
     Conflicts(const std::vector<BakeJob> &jobs, const std::vector<fs::path> &inputs, const BakeCommandOptions &options);
     // Why this job, the next one in order, cannot be baked; empty if it can.
     std::string problemOf(size_t number);
-    // The bytes of its input and the files that this names.
+    // The files that its input names.
+    [[nodiscard]] const std::vector<fs::path> &namedBy(size_t number) const { return beside_[number].read; }
+    // The bytes of its input and these files.
     [[nodiscard]] uint64_t bytesOf(size_t number) const;
 
 private:
@@ -268,6 +270,7 @@ BakePlan planBake(const BakeCommandOptions &options)
     Conflicts conflicts(jobs, inputs, options);
     for (size_t i = 0; i < jobs.size(); ++i) {
         jobs[i].bytes = conflicts.bytesOf(i);
+        jobs[i].named = conflicts.namedBy(i);
         jobs[i].problem = conflicts.problemOf(i);
     }
     return {std::move(jobs), done};

@@ -91,6 +91,9 @@ std::string summary(const BakeFileReport &file)
         text += fmt::format(" ({} lost {} micromap)", lost, lost == 1 ? "its" : "their");
     if (file.surface)
         text += "; " + describe(*file.surface);
+    if (file.cacheHits + file.cacheMisses != 0)
+        text +=
+            fmt::format("; cache: {}, {}", counted(file.cacheHits, "hit"), counted(file.cacheMisses, "miss", "misses"));
     const auto cautions = std::count_if(file.primitives.begin(), file.primitives.end(),
                                         [](const BakedReport &p) { return !p.caution.empty(); });
     if (cautions != 0)
@@ -146,6 +149,10 @@ void write(const BakeFileReport &file, JsonWriter &json)
     json.member("replaced", file.replaced);
     if (!file.replacedLoss.empty())
         json.member("replacedLoss", file.replacedLoss);
+    if (file.cacheHits + file.cacheMisses != 0) {
+        json.key("cache").beginObject().member("hits", file.cacheHits).member("misses", file.cacheMisses);
+        json.end();
+    }
     writeSurface(file.surface, json);
     writeMicromaps(file.micromaps, json);
     json.list("primitives", file.primitives, [&](const BakedReport &primitive) { write(primitive, json); });
@@ -215,6 +222,8 @@ BakeFileReport reportOf(const BakeJob &job, FileBake result)
     report.outputBytes = result.outputBytes;
     report.files = std::move(result.files);
     report.surface = result.surface;
+    report.cacheHits = result.bake.cacheHits;
+    report.cacheMisses = result.bake.cacheMisses;
     report.micromaps = summariesOf(result.bake.micromaps);
     report.skipped = std::move(result.bake.skipped);
     std::vector<std::vector<std::array<double, 4>>> shares;

@@ -48,6 +48,8 @@ struct BakeFileReport {
     std::vector<MicromapSummary> micromaps;
     std::vector<SkippedPrimitive> skipped;
     std::optional<SurfaceShares> surface;
+    size_t cacheHits = 0; // and misses: both 0 without a cache
+    size_t cacheMisses = 0;
 };
 
 BakeFileReport reportOf(const BakeJob &job, FileBake result);

@@ -23,6 +23,7 @@ inline constexpr const char *kInput = "Input";
 inline constexpr const char *kOutput = "Output";
 inline constexpr const char *kSelection = "Selection";
 inline constexpr const char *kQuality = "Quality";
+inline constexpr const char *kCache = "Cache";
 inline constexpr const char *kTolerances = "Tolerances";
 inline constexpr const char *kPicture = "Picture";
 inline constexpr const char *kDevice = "Device";

@@ -18,6 +18,9 @@ std::filesystem::path folderOf(const std::filesystem::path &path);
 // Makes a folder; false if it is there already.
 bool makeFolder(const std::filesystem::path &folder);
 
+// Sets the time of a file to now. It may belong to someone else, if it can be written. Does nothing where it cannot.
+void markUsed(const std::filesystem::path &file);
+
 class NewFile
 {
 public:

@@ -6,6 +6,7 @@
 #include <map>
 #include <numeric>
 #include <tuple>
+#include <utility>
 
 #include "base/text.h"
 #include "gltf/alpha_textures.h"
@@ -40,7 +41,8 @@ struct Source {
     float uvTerms = 0;
     std::map<float, Layer> layers;               // by the vertices' alpha
     std::vector<uint32_t> primitives;            // into DocumentBake::primitives
-    std::shared_ptr<const AlphaTexture> texture; // while it is baked; none where the image cannot be decoded here
+    std::shared_ptr<const AlphaTexture> texture; // while it is baked
+    bool unreadable = false;                     // the image cannot be decoded here
     std::optional<StoredMicromap> baked;
 };
 
@@ -78,6 +80,11 @@ private:
     void dropRareLayers();
     void readTexture(Source &source);
     void weigh();
+    static std::vector<BakeInput> inputsOf(std::span<const Source> sources);
+    [[nodiscard]] BakeOptions optionsFor(std::span<const Source> sources) const;
+    std::optional<Digest> keyOf(std::span<const Source> sources);
+    [[nodiscard]] std::optional<Micromap> cached(std::span<const Source> sources, const Digest &key) const;
+    Micromap bakeRead(std::span<Source> sources);
     void bakeSources(std::span<Source> sources);
     // Returns the indices that are left for the next source.
     std::span<const int32_t> takeResult(Source &source, const Micromap &micromap, std::span<const int32_t> indices);
@@ -92,6 +99,7 @@ private:
     std::vector<Source> sources_;
     std::map<SourceKey, size_t> sourceOf_;
     std::map<int, Material> materials_;
+    std::map<int, Digest> imageKeys_;
     size_t total_ = 0; // triangles; from then on those to bake
     size_t done_ = 0;
 };
@@ -114,7 +122,7 @@ Source &DocumentBaker::sourceOf(const Material &material, float uvTerms)
     const SourceKey key{textureKeyOf(material), cutoff, uvTerms};
     const auto [found, isNew] = sourceOf_.try_emplace(key, sources_.size());
     if (isNew)
-        sources_.push_back({material, cutoff, uvTerms, {}, {}, {}, {}});
+        sources_.push_back({material, cutoff, uvTerms, {}, {}, {}, false, {}});
     return sources_[found->second];
 }
 
@@ -274,13 +282,13 @@ std::span<const int32_t> DocumentBaker::takeResult(Source &source, const Microma
     return indices.subspan(count);
 }
 
-// Leaves the texture empty if the image cannot be decoded in this build.
 void DocumentBaker::readTexture(Source &source)
 {
     try {
         source.texture = textures_.of(source.material);
         textures_.images().account(source.layers.size() * source.texture->alpha.size() / kMapsForImage);
     } catch (const GltfUnsupported &error) {
+        source.unreadable = true;
         for (const uint32_t primitive : source.primitives) {
             const BakedPrimitive &baked = result_.primitives[primitive];
             skip(baked.place, baked.material, SkipReason::UnsupportedImage, document_.reasonOf(baked.place, error));
@@ -313,18 +321,38 @@ void DocumentBaker::weigh()
                 layer.weights.push_back(static_cast<float>(std::max(least, areaOf(place)) / all));
 }
 
-// Bakes sources whose textures were read.
-void DocumentBaker::bakeSources(std::span<Source> sources)
+// Those with the same texture one after another, so that it is read once.
+std::vector<Source *> byTexture(std::span<Source> sources)
+{
+    std::vector<Source *> sorted;
+    for (Source &source : sources)
+        sorted.push_back(&source);
+    std::stable_sort(sorted.begin(), sorted.end(), [](const Source *a, const Source *b) {
+        return textureKeyOf(a->material) < textureKeyOf(b->material);
+    });
+    return sorted;
+}
+
+size_t triangleCount(std::span<const Source> sources)
+{
+    size_t count = 0;
+    for (const Source &source : sources)
+        for (const auto &[alpha, layer] : source.layers)
+            count += layer.uvs.size();
+    return count;
+}
+
+// One for each layer, with the textures that were read.
+std::vector<BakeInput> DocumentBaker::inputsOf(std::span<const Source> sources)
 {
     std::vector<BakeInput> inputs;
-    size_t triangles = 0;
-    for (Source &source : sources) {
+    for (const Source &source : sources) {
+        if (source.unreadable)
+            continue;
         for (const auto &[alpha, layer] : source.layers) {
-            triangles += layer.uvs.size();
-            if (!source.texture)
-                continue;
             BakeInput &input = inputs.emplace_back();
-            input.textures = {source.texture.get(), 1};
+            if (source.texture)
+                input.textures = {source.texture.get(), 1};
             input.triangles = layer.uvs;
             input.uvTerms = static_cast<double>(source.uvTerms);
             input.weights = layer.weights;
@@ -341,45 +369,101 @@ void DocumentBaker::bakeSources(std::span<Source> sources)
             }
         }
     }
+    return inputs;
+}
+
+BakeOptions DocumentBaker::optionsFor(std::span<const Source> sources) const
+{
     BakeOptions options = options_.bake;
     options.emptyGroupBytes = kEmptyBytes;
     if (options.budget)
         for (const Source &source : sources)
-            if (source.texture && source.layers.empty())
+            if (!source.unreadable && source.layers.empty())
                 *options.budget -= std::min(*options.budget, kEmptyBytes);
+    return options;
+}
+
+// Nothing without a cache, and where an image cannot be read at all.
+std::optional<Digest> DocumentBaker::keyOf(std::span<const Source> sources)
+{
+    if (!options_.cache.exists())
+        return std::nullopt;
+    std::vector<Digest> textures;
+    try {
+        for (const Source &source : sources) {
+            const int image = source.material.image;
+            if (image >= 0 && !imageKeys_.contains(image))
+                imageKeys_[image] = imageKey(textures_.encoded(image));
+            textures.push_back(
+                textureKey(source.material, image >= 0 ? std::optional(imageKeys_[image]) : std::nullopt));
+        }
+    } catch (const GltfError &) {
+        return std::nullopt; // reading the texture reports it
+    }
+    return bakeKey(inputsOf(sources), textures, optionsFor(sources));
+}
+
+std::optional<Micromap> DocumentBaker::cached(std::span<const Source> sources, const Digest &key) const
+{
+    if (!options_.cache.get)
+        return std::nullopt;
+    const std::optional<std::vector<uint8_t>> value = options_.cache.get(key);
+    return value ? micromapOf(*value, key, triangleCount(sources)) : std::nullopt;
+}
+
+// Reads the textures and bakes the sources that have one then.
+Micromap DocumentBaker::bakeRead(std::span<Source> sources)
+{
+    for (Source *source : byTexture(sources))
+        readTexture(*source);
+    const size_t triangles = triangleCount(sources);
+    BakeOptions options = optionsFor(sources);
     if (options.progress)
         options.progress = [&](size_t done, size_t total) {
             const double share = total == 0 ? 1 : static_cast<double>(done) / static_cast<double>(total);
             options_.bake.progress(done_ + static_cast<size_t>(share * static_cast<double>(triangles)), total_);
         };
-    const BakeResult result = vellum::bake(inputs, options);
-    done_ += triangles;
-    std::span<const int32_t> indices = result.micromap.indices;
+    return vellum::bake(inputsOf(sources), options).micromap;
+}
+
+void DocumentBaker::bakeSources(std::span<Source> sources)
+{
+    const std::optional<Digest> key = keyOf(sources);
+    std::optional<Micromap> micromap = key ? cached(sources, *key) : std::nullopt;
+    if (micromap) {
+        ++result_.cacheHits;
+        if (options_.bake.progress)
+            options_.bake.progress(done_ + triangleCount(sources), total_);
+    } else {
+        micromap = bakeRead(sources);
+        const bool whole = std::none_of(sources.begin(), sources.end(), [](const Source &s) { return s.unreadable; });
+        if (key && whole && options_.cache.put)
+            options_.cache.put(*key, cacheValueOf(*micromap, *key));
+        if (options_.cache.exists())
+            ++result_.cacheMisses;
+    }
+    done_ += triangleCount(sources);
+    std::span<const int32_t> indices = micromap->indices;
     for (Source &source : sources) {
-        if (source.texture)
-            indices = takeResult(source, result.micromap, indices);
+        if (!source.unreadable)
+            indices = takeResult(source, *micromap, indices);
         source.texture.reset();
         source.layers.clear();
     }
 }
 
-// Sources with the same texture one after another, so that it is read once.
 void DocumentBaker::bakeAll()
 {
-    std::vector<Source *> byTexture;
-    for (Source &source : sources_)
-        byTexture.push_back(&source);
-    std::stable_sort(byTexture.begin(), byTexture.end(), [](const Source *a, const Source *b) {
-        return textureKeyOf(a->material) < textureKeyOf(b->material);
-    });
-    for (Source *source : byTexture) {
-        readTexture(*source);
-        if (!options_.bake.budget)
-            bakeSources({source, 1});
-    }
     if (options_.bake.budget) {
         weigh();
         bakeSources(sources_); // the budget is shared over all of them
+        return;
+    }
+    int image = -1;
+    for (Source *source : byTexture(sources_)) {
+        if (std::exchange(image, source->material.image) != source->material.image)
+            textures_.forgetEncoded();
+        bakeSources({source, 1});
     }
 }
 

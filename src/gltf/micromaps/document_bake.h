@@ -9,6 +9,7 @@
 
 #include "bake/bake.h"
 #include "gltf/document.h"
+#include "gltf/micromaps/bake_cache.h"
 #include "gltf/micromaps/stored_micromaps.h"
 
 namespace vellum
@@ -28,6 +29,8 @@ struct DocumentBakeOptions {
     // Primitives whose material or mesh has such a name (shell patterns: * ? [...]) are not baked.
     std::vector<std::string> excludedMaterials;
     std::vector<std::string> excludedMeshes;
+    // Results of earlier bakes. Those of textures whose images cannot be read are not kept.
+    BakeCache cache;
 };
 
 struct BakedPrimitive {
@@ -80,6 +83,10 @@ struct DocumentBake {
     std::vector<BakedPrimitive> primitives; // in the file's order
     std::vector<SkippedPrimitive> skipped;
     std::optional<float> blendCutoff; // of the options, if a primitive was baked with it
+    // With a cache: results that were there, and those that were baked. There is one for each micromap, or with a
+    // budget, which is shared over all of them, one for the file.
+    size_t cacheHits = 0;
+    size_t cacheMisses = 0;
 };
 
 // Bakes every alpha-tested primitive, whether a node uses it or not. The result does not depend on the number of

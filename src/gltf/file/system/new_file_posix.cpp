@@ -43,6 +43,11 @@ bool makeFolder(const std::filesystem::path &folder)
     return false;
 }
 
+void markUsed(const std::filesystem::path &file)
+{
+    static_cast<void>(utimensat(AT_FDCWD, file.c_str(), nullptr, 0));
+}
+
 void NewFile::fail() const
 {
     failAt(path_, "cannot be written", errno);

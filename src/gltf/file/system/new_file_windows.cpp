@@ -65,6 +65,12 @@ bool makeFolder(const std::filesystem::path &folder)
     failAt(folder, "the folder cannot be made");
 }
 
+void markUsed(const std::filesystem::path &file)
+{
+    std::error_code error;
+    std::filesystem::last_write_time(file, std::filesystem::file_time_type::clock::now(), error);
+}
+
 void NewFile::fail() const
 {
     failAt(path_, "cannot be written");

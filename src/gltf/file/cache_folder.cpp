@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gltf/file/cache_folder.h"
+
+#include <algorithm>
+#include <fstream>
+#include <string_view>
+
+#include "core/utf8_path.h"
+#include "gltf/file/gltf_error.h"
+#include "gltf/file/new_file.h"
+
+namespace vellum
+{
+namespace
+{
+
+namespace fs = std::filesystem;
+
+constexpr uint64_t kBlock = 4096;
+// Of a full folder's part, free once the oldest values are removed.
+constexpr uint64_t kFreed = 10;
+// Of a folder's part, what a process may put before it counts the folder's bytes again: others put values as well.
+constexpr uint64_t kUnchecked = 16;
+
+uint64_t onDisk(uint64_t bytes)
+{
+    return (bytes + kBlock - 1) / kBlock * kBlock;
+}
+
+std::string hex(std::span<const uint8_t> bytes)
+{
+    constexpr std::string_view kDigits = "0123456789abcdef";
+    std::string text;
+    for (const uint8_t byte : bytes) {
+        text += kDigits[byte >> 4];
+        text += kDigits[byte & 15];
+    }
+    return text;
+}
+
+} // namespace
+
+CacheFolder::CacheFolder(const fs::path &folder, uint64_t size) : folder_(folder / "micromaps"), part_(size / kFolders)
+{
+}
+
+size_t CacheFolder::numberOf(const Digest &key) const
+{
+    return key.front() % kFolders;
+}
+
+fs::path CacheFolder::folderOf(size_t number) const
+{
+    const auto name = static_cast<uint8_t>(number);
+    return folder_ / hex({&name, 1});
+}
+
+void CacheFolder::note(const std::string &problem)
+{
+    const std::lock_guard lock(mutex_);
+    if (problem_.empty())
+        problem_ = problem;
+}
+
+std::string CacheFolder::problem() const
+{
+    const std::lock_guard lock(mutex_);
+    return problem_;
+}
+
+std::optional<std::vector<uint8_t>> CacheFolder::get(const Digest &key)
+{
+    const fs::path path = folderOf(numberOf(key)) / hex(key);
+    std::error_code error;
+    const uintmax_t size = fs::file_size(path, error);
+    if (error) {
+        if (error != std::errc::no_such_file_or_directory)
+            note(utf8Text(path) + " cannot be read: " + error.message());
+        return std::nullopt;
+    }
+    if (size > part_)
+        return std::nullopt;
+    std::vector<uint8_t> value(size);
+    std::ifstream file(path, std::ios::binary);
+    if (!file && fs::exists(path, error)) // otherwise it has just been removed
+        note(utf8Text(path) + " cannot be read");
+    if (!file.read(reinterpret_cast<char *>(value.data()), static_cast<std::streamsize>(size)))
+        return std::nullopt;
+    markUsed(path);
+    return value;
+}
+
+void CacheFolder::put(const Digest &key, std::span<const uint8_t> value)
+{
+    const uint64_t bytes = onDisk(value.size());
+    const size_t number = numberOf(key);
+    {
+        const std::lock_guard lock(mutex_);
+        if (!writing_ || bytes > part_)
+            return;
+    }
+    const fs::path folder = folderOf(number);
+    try {
+        std::error_code error;
+        if (fs::create_directories(folder, error); error)
+            throw GltfError(utf8Text(folder) + ": the folder cannot be made: " + error.message());
+        NewFile file(folder / hex(key));
+        file.write(value);
+        if (file.appear() == NewFile::Appeared::No)
+            file.replace();
+    } catch (const GltfError &failure) {
+        note(failure.what());
+        const std::lock_guard lock(mutex_);
+        writing_ = false;
+        return;
+    }
+    const std::lock_guard lock(mutex_);
+    std::optional<uint64_t> &unchecked = unchecked_[number];
+    if (unchecked)
+        *unchecked += bytes;
+    if (!unchecked || *unchecked > part_ / kUnchecked) {
+        removeOldest(number);
+        unchecked = 0;
+    }
+}
+
+// Where a folder has more bytes than its part. Files may appear and disappear meanwhile.
+void CacheFolder::removeOldest(size_t number)
+{
+    struct File {
+        fs::file_time_type used;
+        fs::path path;
+        uint64_t bytes;
+    };
+    std::vector<File> files;
+    uint64_t all = 0;
+    std::error_code error;
+    for (fs::directory_iterator entry(folderOf(number), error); !error && entry != fs::directory_iterator();
+         entry.increment(error)) {
+        std::error_code gone;
+        const fs::file_time_type used = entry->last_write_time(gone);
+        const uintmax_t bytes = gone ? 0 : entry->file_size(gone);
+        if (gone)
+            continue;
+        files.push_back({used, entry->path(), onDisk(bytes)});
+        all += files.back().bytes;
+    }
+    if (all <= part_)
+        return;
+    std::sort(files.begin(), files.end(), [](const File &a, const File &b) { return a.used < b.used; });
+    for (size_t i = 0; i < files.size() && all > part_ - part_ / kFreed; ++i) {
+        fs::remove(files[i].path, error);
+        all -= files[i].bytes;
+    }
+}
+
+} // namespace vellum

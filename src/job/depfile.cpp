@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "job/depfile.h"
+
+#include "base/error.h"
+#include "base/text.h"
+#include "core/utf8_path.h"
+
+namespace vellum::job
+{
+namespace
+{
+
+std::string escaped(const std::filesystem::path &path)
+{
+    std::string text;
+    size_t backslashes = 0; // at the end of `text`
+    for (const char c : utf8Text(path)) {
+        if (c == '\n' || c == '\r')
+            throw Error("a depfile cannot name " + printable(utf8Text(path)) + ", which has a line break");
+        if (c == ' ' || c == '\t') // backslashes before it are doubled, others are not
+            text.append(backslashes + 1, '\\');
+        else if (c == '#')
+            text += '\\';
+        else if (c == '$')
+            text += '$';
+        backslashes = c == '\\' ? backslashes + 1 : 0;
+        text += c;
+    }
+    return text;
+}
+
+} // namespace
+
+std::string depfileRule(const std::filesystem::path &output, const std::vector<std::filesystem::path> &dependencies)
+{
+    std::string rule = escaped(output) + ":";
+    std::string others;
+    for (const std::filesystem::path &dependency : dependencies) {
+        rule += " \\\n  " + escaped(dependency);
+        others += escaped(dependency) + ":\n";
+    }
+    return rule + "\n" + others;
+}
+
+} // namespace vellum::job
