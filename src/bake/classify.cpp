@@ -566,7 +566,7 @@ uint32_t Classifier::levelFor(const TriangleUvs &uvs) const
     const auto b = edge(uvs[0], uvs[2]);
     const double area = std::abs(a[0] * b[1] - a[1] * b[0]);
     // Each level quarters a micro-triangle.
-    const double quotient = area / (options_.texelsPerEdge * options_.texelsPerEdge);
+    const double quotient = area / (double{kLevelSlack} * options_.texelsPerEdge * options_.texelsPerEdge);
     if (!(quotient > 1))
         return 0;
     return std::min(static_cast<uint32_t>(ceilLog2(std::min(quotient, 0x1p100)) + 1) / 2, options_.maxLevel);

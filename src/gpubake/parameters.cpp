@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "core/micromap.h"
+
 namespace vellum::gpubake
 {
 namespace
@@ -118,7 +120,7 @@ bool setOptions(Parameters &words, const GpuBakeOptions &options)
         cutoff = -cutoff;
     words[kBakeFlags] |= flags;
     words[kBakeLevel] = options.level;
-    words[kBakeTexelsPerEdge] = bitsOf(options.texelsPerEdge * options.texelsPerEdge);
+    words[kBakeTexelsPerEdge] = bitsOf(kLevelSlack * options.texelsPerEdge * options.texelsPerEdge);
     words[kBakeSubtexel] = bitsOf(atLeast(options.subtexelTolerance));
     words[kBakeInterpolation] = bitsOf(atLeast(options.interpolationTolerance));
     words[kBakeBarycentric] = bitsOf(atLeast(options.barycentricTolerance));

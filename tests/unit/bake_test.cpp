@@ -171,6 +171,36 @@ TEST(Bake, AutomaticLevelsFollowTheTexture)
     EXPECT_EQ(bake(t, std::vector{kLowerCard}, o).micromap.triangles[0].subdivisionLevel, 3);
 }
 
+// Optimizers quantize coordinates: a card over the whole texture then reaches from 0 to 1.0002.
+TEST(Bake, AutomaticLevelsAreNotRaisedByRounding)
+{
+    for (const auto &[width, height] : {std::pair{256u, 256u},
+                                        {512u, 256u},
+                                        {1024u, 128u},
+                                        {384u, 256u},
+                                        {1280u, 1024u},
+                                        {640u, 512u},
+                                        {1920u, 1080u},
+                                        {1000u, 1000u}}) {
+        AlphaTexture t = halfTexture(1, 0.5);
+        t.width = width;
+        t.height = height;
+        t.alpha.resize(size_t{width} * height);
+        for (size_t i = 0; i < t.alpha.size(); ++i)
+            t.alpha[i] = i % width < width / 3 ? 1.0f : 0.0f;
+        std::vector<uint16_t> levels;
+        for (const float scale : {1.0f, 0.999f, 0.9998f, 0.99999f, 1.00001f, 1.0002f, 1.001f}) {
+            TriangleUvs uvs = kLowerCard;
+            for (TexCoord &corner : uvs)
+                corner = {corner.u * scale, corner.v * scale};
+            const BakeResult r = bake(t, std::vector{uvs}, {});
+            ASSERT_EQ(r.micromap.triangles.size(), 1u);
+            levels.push_back(r.micromap.triangles[0].subdivisionLevel);
+        }
+        EXPECT_EQ(levels, std::vector<uint16_t>(levels.size(), levels[0])) << width << " x " << height;
+    }
+}
+
 TEST(Bake, TheResultDoesNotDependOnThreads)
 {
     std::vector<TriangleUvs> triangles;
