@@ -50,7 +50,7 @@ struct BakeOptions {
     Format format = Format::FourState;
     TwoStateRule twoStateRule = TwoStateRule::Nearest;
     // Subdivision level of every triangle, 0..12. Without it each triangle gets the level at which the legs of its
-    // micro-triangles are about `texelsPerEdge` texels long, at most `maxLevel`.
+    // micro-triangles are about `texelsPerEdge` texels long (at most 1.2 times that), at most `maxLevel`.
     std::optional<uint32_t> level;
     uint32_t maxLevel = 8;
     double texelsPerEdge = 4.0;
@@ -59,6 +59,10 @@ struct BakeOptions {
     // `texelsPerEdge` chose are raised where that makes the most known, by at most 3 and up to `maxLevel`. 2-state data
     // is chosen as if it were 4-state.
     std::optional<uint64_t> budget;
+    // Instead of a budget: the smallest result of which at least that is known, in the unit of BakeInput::weights.
+    // bake() throws BakeTooLittleKnown where no level makes that known. Automatic levels are raised as for a budget.
+    // For 4-state data.
+    std::optional<double> leastKnown;
     // What the budget counts for a BakeInput::group of which no triangle has data.
     uint64_t emptyGroupBytes = 0;
     // A 4-state triangle less of which is known than this share (0..1) gets a special index for unknown instead of
@@ -96,8 +100,8 @@ struct BakeOptions {
     unsigned threads = 0;
     // Bytes of micromap data after which to give up with BakeError. At most 2^32 - 1, what dataOffset can address.
     uint64_t maxDataBytes = uint64_t{1} << 30;
-    // Called now and then with triangles done and in all, from any worker but one at a time. With a budget, each
-    // triangle counts twice.
+    // Called now and then with triangles done and in all, from any worker but one at a time. With a budget or
+    // leastKnown, each triangle counts twice.
     std::function<void(size_t done, size_t total)> progress;
     // Makes bake() throw BakeCancelled soon after it returns true. Called often, from several workers at a time.
     std::function<bool()> cancelled;
@@ -125,8 +129,8 @@ struct BakeInput {
     // The largest value in the single-precision computation of the coordinates: interpolationTolerance is relative to
     // this, where it is more than the largest coordinate of a triangle. Finite, and not below 0.
     double uvTerms = 0;
-    // How much each triangle counts where a budget chooses what is known, 0 or more; if empty, all count alike.
-    std::span<const float> weights{};
+    // How much each triangle counts where a budget chooses what is known, 0 or more; if empty, each counts 1.
+    std::span<const double> weights{};
     // For the budget, triangles share data only with those of inputs with the same number: those whose micromaps are
     // separated from the result.
     uint32_t group = 0;
@@ -155,6 +159,18 @@ class BakeTooLarge : public BakeError
 {
 public:
     using BakeError::BakeError;
+};
+
+// Less than BakeOptions::leastKnown can be known.
+class BakeTooLittleKnown : public BakeError
+{
+public:
+    explicit BakeTooLittleKnown(double most) : BakeError("no level makes as much known as wanted"), most_(most) {}
+    // What can be known, in the unit of the weights.
+    [[nodiscard]] double most() const { return most_; }
+
+private:
+    double most_;
 };
 
 class BakeCancelled : public BakeError

@@ -2,6 +2,7 @@
 #include "bake/budget.h"
 
 #include <algorithm>
+#include <limits>
 #include <numeric>
 #include <queue>
 #include <unordered_map>
@@ -37,10 +38,12 @@ class Lowering
 {
 public:
     explicit Lowering(std::span<LevelChoice> choices);
-    void run(uint64_t budget);
+    // Until there are at most `budget` bytes, and without losing more than `spare` of what is known.
+    void run(uint64_t budget, double spare);
 
 private:
     [[nodiscard]] size_t classOf(size_t which);
+    [[nodiscard]] double lost(size_t which, uint32_t to) const;
     [[nodiscard]] uint64_t saved(const LevelChoice &choice, uint32_t to) const;
     void offer(size_t which);
     void apply(const Step &step);
@@ -51,6 +54,7 @@ private:
     std::vector<double> weights_;
     std::priority_queue<Step, std::vector<Step>, Dearer> steps_;
     uint64_t bytes_ = 0;
+    double spare_ = 0;
 };
 
 Lowering::Lowering(std::span<LevelChoice> choices) : choices_(choices), parents_(choices.size())
@@ -76,20 +80,28 @@ size_t Lowering::classOf(size_t which)
     return which;
 }
 
+double Lowering::lost(size_t which, uint32_t to) const
+{
+    const LevelChoice &choice = choices_[which];
+    return weights_[which] * (double{choice.known[choice.level]} - double{choice.known[to]});
+}
+
 uint64_t Lowering::saved(const LevelChoice &choice, uint32_t to) const
 {
     return choice.bytes(choice.level) - (holders_.contains(choice.data[to]) ? 0 : choice.bytes(to));
 }
 
-// The cheapest of all steps down. Levels between that would save less for what they lose are skipped: the price of a
-// triangle's steps then rises as it goes down, so taking the cheapest step of all is optimal where nothing is shared.
+// The cheapest of all steps down that lose no more than can be spared. Levels between that would save less for what
+// they lose are skipped: the price of a triangle's steps then rises as it goes down, so taking the cheapest step of all
+// is optimal where nothing is shared.
 void Lowering::offer(size_t which)
 {
     const LevelChoice &choice = choices_[which];
     Step best{0, which, choice.level};
     for (uint32_t to = choice.level; to-- > 0 && choice.data[choice.level] != 0;) {
-        const double lost = weights_[which] * (double{choice.known[choice.level]} - double{choice.known[to]});
-        const double price = lost / static_cast<double>(saved(choice, to));
+        if (lost(which, to) > spare_)
+            break; // and lower levels lose no less
+        const double price = lost(which, to) / static_cast<double>(saved(choice, to));
         // The longest of equally priced steps saves the most.
         if (best.to == choice.level || price <= best.price)
             best = {price, which, to};
@@ -102,6 +114,7 @@ void Lowering::apply(const Step &step)
 {
     LevelChoice &choice = choices_[step.which];
     bytes_ -= saved(choice, step.to);
+    spare_ -= lost(step.which, step.to);
     holders_.erase(choice.data[choice.level]);
     choice.level = step.to;
     if (choice.data[step.to] == 0)
@@ -113,10 +126,11 @@ void Lowering::apply(const Step &step)
     weights_[holder->second] += weights_[step.which];
 }
 
-void Lowering::run(uint64_t budget)
+void Lowering::run(uint64_t budget, double spare)
 {
     if (bytes_ <= budget)
         return;
+    spare_ = spare;
     for (size_t i = 0; i < choices_.size(); ++i)
         if (parents_[i] == i)
             offer(i);
@@ -126,9 +140,8 @@ void Lowering::run(uint64_t budget)
         if (parents_[step.which] != step.which)
             continue;
         // Others that came or went since have changed the price.
-        const LevelChoice &choice = choices_[step.which];
-        const double lost = weights_[step.which] * (double{choice.known[choice.level]} - double{choice.known[step.to]});
-        if (lost / static_cast<double>(saved(choice, step.to)) > step.price)
+        const double loss = lost(step.which, step.to);
+        if (loss > spare_ || loss / static_cast<double>(saved(choices_[step.which], step.to)) > step.price)
             offer(step.which);
         else
             apply(step);
@@ -260,9 +273,22 @@ uint64_t sharedBytes(std::span<const LevelChoice> choices)
     return bytes;
 }
 
+double knownWeight(std::span<const LevelChoice> choices)
+{
+    double known = 0;
+    for (const LevelChoice &choice : choices)
+        known += choice.weight * double{choice.known[choice.level]};
+    return known;
+}
+
 void lowerLevels(std::span<LevelChoice> choices, uint64_t budget)
 {
-    Lowering(choices).run(budget);
+    Lowering(choices).run(budget, std::numeric_limits<double>::infinity());
+}
+
+void lowerLevelsWhileKnown(std::span<LevelChoice> choices, double known)
+{
+    Lowering(choices).run(0, knownWeight(choices) - known);
 }
 
 void raiseLevels(std::span<LevelChoice> choices, uint64_t budget)

@@ -35,9 +35,15 @@ struct LevelChoice {
 // The bytes of all together at their levels, where equal data is stored once.
 uint64_t sharedBytes(std::span<const LevelChoice> choices);
 
+// What is known of all together at their levels, of the weights.
+double knownWeight(std::span<const LevelChoice> choices);
+
 // Lowers levels until all together have at most `budget` bytes, or are at level 0. Each step is the one that loses the
 // least of what is known for a byte; among equal ones, that of the first triangle.
 void lowerLevels(std::span<LevelChoice> choices, uint64_t budget);
+
+// Lowers levels as long as at least `known` of the weights is known, by the same steps.
+void lowerLevelsWhileKnown(std::span<LevelChoice> choices, double known);
 
 // Raises levels as long as all together have at most `budget` bytes. Each step is the one that gains the most for a
 // byte; among equal ones, that of the first triangle.

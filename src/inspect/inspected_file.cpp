@@ -107,6 +107,7 @@ private:
     void checkSelection() const;
     void bakeAll(DocumentBakeOptions options);
     [[nodiscard]] std::string nothingMade() const;
+    void measure();
     void addRecords();
     void addPrimitive(PrimitivePlace place, const PrimitiveMicromap &micromap);
     uint32_t useMaterial(int index);
@@ -154,6 +155,27 @@ std::string Inspector::nothingMade() const
     if (file_.skipped.empty())
         return "no alpha-masked primitive with texture coordinates is in it";
     return "no primitive gets a micromap: " + describe(file_.skipped.front());
+}
+
+void Inspector::measure()
+{
+    SurfaceAreas areas = surfaceAreas(document_);
+    file_.surface = surfaceShares(areas, file_.stored);
+    for (const auto &[place, micromap] : file_.stored.primitives)
+        areas[place].resize(micromap.indices.size());
+    for (const auto &[place, its] : areas) {
+        const gltf_json::Mesh &mesh = document_.model().meshes.at(place.mesh);
+        InspectedSurface &surface = file_.surfaces.emplace_back();
+        surface.place = place;
+        surface.mesh = mesh.name;
+        surface.materialIndex = mesh.primitives.at(place.primitive).material;
+        if (surface.materialIndex >= 0)
+            surface.material = readMaterial(document_, surface.materialIndex).name;
+        for (const double area : its)
+            surface.area += area;
+        if (const auto shares = surfaceShares({{place, its}}, file_.stored))
+            surface.known = surface.area * shares->known();
+    }
 }
 
 void Inspector::addRecords()
@@ -253,7 +275,7 @@ InspectedFile Inspector::inspect(const DocumentBakeOptions *bake)
                     (bake != nullptr ? nothingMade()
                                      : "no primitive has a micromap; vellum bake makes them, and --bake shows what it "
                                        "would make"));
-    file_.surface = surfaceShares(document_, file_.stored);
+    measure();
     addRecords();
     for (const auto &[place, micromap] : file_.stored.primitives)
         addPrimitive(place, micromap);

@@ -71,12 +71,23 @@ struct InspectedPrimitive {
     uint64_t indexBytes = 0; // of the micromap indices in the file
 };
 
+// The surface of an alpha-tested primitive in the scene, or of one with a micromap.
+struct InspectedSurface {
+    PrimitivePlace place;
+    std::string mesh; // names; empty without
+    std::string material;
+    int materialIndex = -1;
+    double area = 0;  // in the world, of all instances
+    double known = 0; // the part of it that is opaque or transparent
+};
+
 struct InspectedFile {
     std::string name;
     uint64_t bytes = 0;                    // with those of the files that it names
     bool baked = false;                    // the micromaps were baked in memory
     std::vector<SkippedPrimitive> skipped; // by the bake
     std::optional<SurfaceShares> surface;
+    std::vector<InspectedSurface> surfaces; // whatever is chosen
     StoredMicromaps stored;
     std::vector<InspectedMaterial> materials;
     std::vector<InspectedPrimitive> primitives; // primitives with micromaps and chosen triangles, sorted by place

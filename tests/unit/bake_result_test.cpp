@@ -182,6 +182,7 @@ TEST(BakeResult, ABudgetOfItsOwnBytesChangesNothing)
             for (const Format format : {Format::FourState, Format::TwoState}) {
                 BakeOptions o;
                 o.level = level;
+                o.texelsPerEdge = 2;
                 o.minKnown = minKnown;
                 o.format = format;
                 const BakeResult whole = bake(t, triangles, o);
@@ -225,12 +226,53 @@ TEST(BakeResult, ABudgetIsSpent)
     EXPECT_EQ(high.micromap.data, bake(t, triangles, o).micromap.data);
 }
 
+// As small as the best of all budgets that reach it, or smaller.
+TEST(BakeResult, TheLeastBytesForWhatIsKnown)
+{
+    const std::vector<TriangleUvs> triangles = scattered(60);
+    const AlphaTexture t = disc(20);
+    BakeOptions o;
+    o.texelsPerEdge = 8;
+    for (const double share : {0.0, 0.3, 0.6, 0.8, 0.9}) {
+        o.budget.reset();
+        o.leastKnown = share * 60;
+        const BakeResult r = bake(t, triangles, o);
+        EXPECT_EQ(r.micromap.validate(), std::nullopt);
+        EXPECT_GE(knownShare(r), share - 1e-12);
+        o.leastKnown.reset();
+        uint64_t low = 0;
+        uint64_t high = 1u << 20;
+        while (low < high) {
+            o.budget = (low + high) / 2;
+            if (knownShare(bake(t, triangles, o)) < share)
+                low = *o.budget + 1;
+            else
+                high = *o.budget;
+        }
+        EXPECT_LE(static_cast<double>(bytesOf(r)), 1.01 * static_cast<double>(high)) << share;
+    }
+    // Levels that are given are the highest.
+    o = atLevel(4);
+    o.leastKnown = 60 * knownShare(bake(t, triangles, o));
+    EXPECT_EQ(knownShare(bake(t, triangles, o)), *o.leastKnown / 60);
+    const double most = *o.leastKnown;
+    *o.leastKnown += 0.001;
+    try {
+        bake(t, triangles, o);
+        FAIL();
+    } catch (const BakeTooLittleKnown &error) {
+        EXPECT_NEAR(error.most(), most, 1e-9);
+    }
+    o.budget = 1000;
+    EXPECT_THROW(bake(t, triangles, o), BakeError);
+}
+
 TEST(BakeResult, ABudgetGoesToWhatWeighsMost)
 {
     const std::vector<TriangleUvs> triangles = {{{{0, 0}, {1, 0}, {0, 1}}}, {{{1, 1}, {0.1f, 1}, {1, 0}}}};
     const AlphaTexture t = disc(20);
     for (const uint32_t heavy : {0u, 1u}) {
-        std::vector<float> weights = {1, 1};
+        std::vector<double> weights = {1, 1};
         weights[heavy] = 1000;
         BakeInput input{std::span(&t, 1), triangles};
         input.weights = weights;

@@ -48,7 +48,7 @@ private:
 // New members do not compile here until it is stated which results depend on them.
 void add(const BakeOptions &options, KeyDigest &key)
 {
-    const auto &[format, twoStateRule, level, maxLevel, texelsPerEdge, budget, emptyGroupBytes, minKnown,
+    const auto &[format, twoStateRule, level, maxLevel, texelsPerEdge, budget, leastKnown, emptyGroupBytes, minKnown,
                  disallowMixedSpecialIndices, cutoff, test, valueTolerance, subtexelTolerance, barycentricTolerance,
                  interpolationTolerance, threads, maxDataBytes, progress, cancelled] = options;
     key.add(format);
@@ -60,6 +60,7 @@ void add(const BakeOptions &options, KeyDigest &key)
     key.add(budget);
     if (budget)
         key.add(emptyGroupBytes);
+    key.add(leastKnown);
     key.add(disallowMixedSpecialIndices);
     key.add(test);
     key.add(subtexelTolerance);
@@ -86,7 +87,7 @@ void add(const BakeInput &input, const BakeOptions &options, KeyDigest &key)
     key.add(valueTolerance.value_or(options.valueTolerance));
     key.add(uvTerms);
     key.add(group);
-    if (options.budget)
+    if (options.budget || options.leastKnown)
         key.addAll(weights);
 }
 

@@ -32,7 +32,7 @@ struct TrianglePlace {
 struct Layer {
     std::vector<TriangleUvs> uvs;
     std::vector<TrianglePlace> places;
-    std::vector<float> weights; // with a budget: their surface
+    std::vector<double> weights; // where levels are chosen by it: their surface
 };
 
 struct Source {
@@ -45,6 +45,9 @@ struct Source {
     bool unreadable = false;                     // the image cannot be decoded here
     std::optional<StoredMicromap> baked;
 };
+
+// Triangles without a surface count that much, all together, where a budget chooses: it is spent on them last.
+constexpr double kLeastShare = 1e-6;
 
 // The number of cell maps of a texture that can be computed in the time of decoding it.
 constexpr size_t kMapsForImage = 16;
@@ -64,14 +67,17 @@ bool matches(const std::string &name, const std::vector<std::string> &patterns)
 class DocumentBaker
 {
 public:
-    DocumentBaker(const Document &document, const DocumentBakeOptions &options)
-        : document_(document), options_(options), changing_(document), textures_(document)
+    // `areas` may be null.
+    DocumentBaker(const Document &document, const DocumentBakeOptions &options, const SurfaceAreas *areas)
+        : document_(document), options_(options), areas_(areas), changing_(document), textures_(document)
     {
     }
 
     DocumentBake bake();
+    DocumentOutlines outline(std::span<const std::optional<uint32_t>> levels, std::span<const uint64_t> budgets);
 
 private:
+    void collect();
     void addPrimitive(PrimitivePlace place);
     void skip(PrimitivePlace place, const std::string &material, SkipReason code, const std::string &reason);
     [[nodiscard]] std::optional<float> cutoffOf(const Material &material) const;
@@ -79,7 +85,13 @@ private:
     void addTriangles(Source &source, const Primitive &primitive);
     void dropRareLayers();
     void readTexture(Source &source);
-    void weigh();
+    void measure();
+    [[nodiscard]] double areaOf(const TrianglePlace &place) const;
+    void weigh(double leastShare);
+    [[nodiscard]] double knownBeforehand() const;
+    [[nodiscard]] double surfaceOfSources() const;
+    [[nodiscard]] double leastKnown() const;
+    [[noreturn]] void rejectTarget(double known) const;
     static std::vector<BakeInput> inputsOf(std::span<const Source> sources);
     [[nodiscard]] BakeOptions optionsFor(std::span<const Source> sources) const;
     std::optional<Digest> keyOf(std::span<const Source> sources);
@@ -89,10 +101,16 @@ private:
     // Returns the indices that are left for the next source.
     std::span<const int32_t> takeResult(Source &source, const Micromap &micromap, std::span<const int32_t> indices);
     void bakeAll();
+    [[nodiscard]] std::vector<SkippedPrimitive> takeSkipped();
     void numberMicromaps();
 
     const Document &document_;
     const DocumentBakeOptions &options_;
+    const SurfaceAreas *areas_;
+    SurfaceAreas measured_;
+    SurfaceAreas counted_; // in place of areas, where there are none
+    double surface_ = 0;   // all of it
+    double weighed_ = 1;   // the surface of what is baked, the unit of the weights
     ChangingAlpha changing_;
     AlphaTextures textures_;
     DocumentBake result_;
@@ -296,29 +314,98 @@ void DocumentBaker::readTexture(Source &source)
     }
 }
 
-// By the area in the scene, of what is baked. Triangles without one count a little, in proportion to none of the
-// others.
-void DocumentBaker::weigh()
+// The surface of all alpha-tested triangles. Without a scene to measure, those that are baked count 1.
+void DocumentBaker::measure()
 {
-    const std::map<PrimitivePlace, std::vector<double>> areas = surfaceAreas(document_);
-    if (areas.empty())
-        return; // all count alike
-    const auto areaOf = [&](const TrianglePlace &place) {
-        const auto its = areas.find(result_.primitives[place.primitive].place);
-        return its != areas.end() && place.triangle < its->second.size() ? its->second[place.triangle] : 0;
-    };
+    if (areas_ == nullptr) {
+        measured_ = surfaceAreas(document_);
+        areas_ = &measured_;
+    }
+    if (areas_->empty()) {
+        for (const BakedPrimitive &primitive : result_.primitives)
+            counted_[primitive.place].assign(primitive.micromap.indices.size(), 1);
+        areas_ = &counted_;
+    }
+    for (const auto &[place, its] : *areas_)
+        surface_ = std::accumulate(its.begin(), its.end(), surface_);
+}
+
+double DocumentBaker::areaOf(const TrianglePlace &place) const
+{
+    const auto its = areas_->find(result_.primitives[place.primitive].place);
+    return its != areas_->end() && place.triangle < its->second.size() ? its->second[place.triangle] : 0;
+}
+
+// `leastShare`: how much of the surface triangles without one count, all together. Weights are shares of what is baked.
+void DocumentBaker::weigh(double leastShare)
+{
     double all = 0;
     for (const Source &source : sources_)
         for (const auto &[alpha, layer] : source.layers)
             for (const TrianglePlace &place : layer.places)
                 all += areaOf(place);
     if (!(all > 0))
-        return;
-    const double least = 1e-6 * all / static_cast<double>(std::max<size_t>(total_, 1));
+        return; // all count alike
+    weighed_ = all;
+    const double least = leastShare / static_cast<double>(std::max<size_t>(total_, 1));
     for (Source &source : sources_)
         for (auto &[alpha, layer] : source.layers)
             for (const TrianglePlace &place : layer.places)
-                layer.weights.push_back(static_cast<float>(std::max(least, areaOf(place)) / all));
+                layer.weights.push_back(std::max(least, areaOf(place) / all));
+}
+
+// The surface whose outcome is known without looking at a texture.
+double DocumentBaker::knownBeforehand() const
+{
+    double known = 0;
+    for (const Source &source : sources_) {
+        if (source.unreadable)
+            continue;
+        for (const uint32_t primitive : source.primitives) {
+            const std::vector<int32_t> &indices = result_.primitives[primitive].micromap.indices;
+            for (uint32_t t = 0; t < indices.size(); ++t)
+                if (indices[t] == specialIndex(State::Opaque) || indices[t] == specialIndex(State::Transparent))
+                    known += areaOf({primitive, t});
+        }
+    }
+    return known;
+}
+
+// The surface that gets micromaps.
+double DocumentBaker::surfaceOfSources() const
+{
+    double surface = 0;
+    for (const Source &source : sources_)
+        for (const uint32_t primitive : source.primitives)
+            for (uint32_t t = 0; !source.unreadable && t < result_.primitives[primitive].micromap.indices.size(); ++t)
+                surface += areaOf({primitive, t});
+    return surface;
+}
+
+// What has to be known of the triangles that are baked, in the unit of their weights.
+double DocumentBaker::leastKnown() const
+{
+    const double wanted = std::max(0.0, *options_.targetKnown * surface_ - knownBeforehand());
+    const bool weighed = std::any_of(sources_.begin(), sources_.end(), [](const Source &source) {
+        return std::any_of(source.layers.begin(), source.layers.end(),
+                           [](const auto &layer) { return !layer.second.weights.empty(); });
+    });
+    if (!weighed && wanted > 0)
+        rejectTarget(0);
+    return wanted / weighed_;
+}
+
+// `known`: of the surface of the triangles that are baked.
+void DocumentBaker::rejectTarget(double known) const
+{
+    // Rounded down, so that the next attempt succeeds.
+    const double most = (known + knownBeforehand()) / surface_;
+    std::string text = "the wanted share is not reached: at most " +
+                       std::to_string(std::floor(most * 1e4) / 1e4).substr(0, 6) +
+                       " of the alpha-tested surface can be known";
+    if (const double without = 1 - surfaceOfSources() / surface_; without > 1e-9)
+        text += "; " + percent(without) + " of it gets no micromap";
+    throw BakeError(text);
 }
 
 // Those with the same texture one after another, so that it is read once.
@@ -372,14 +459,27 @@ std::vector<BakeInput> DocumentBaker::inputsOf(std::span<const Source> sources)
     return inputs;
 }
 
+// The bytes of micromaps that no triangle of the sources has data in.
+uint64_t bytesWithoutTriangles(std::span<const Source> sources)
+{
+    const auto count = std::count_if(sources.begin(), sources.end(),
+                                     [](const Source &source) { return !source.unreadable && source.layers.empty(); });
+    return kEmptyBytes * static_cast<uint64_t>(count);
+}
+
+bool anyReadable(std::span<const Source> sources)
+{
+    return std::any_of(sources.begin(), sources.end(), [](const Source &source) { return !source.unreadable; });
+}
+
 BakeOptions DocumentBaker::optionsFor(std::span<const Source> sources) const
 {
     BakeOptions options = options_.bake;
     options.emptyGroupBytes = kEmptyBytes;
     if (options.budget)
-        for (const Source &source : sources)
-            if (!source.unreadable && source.layers.empty())
-                *options.budget -= std::min(*options.budget, kEmptyBytes);
+        *options.budget -= std::min(*options.budget, bytesWithoutTriangles(sources));
+    if (options_.targetKnown && anyReadable(sources))
+        options.leastKnown = leastKnown();
     return options;
 }
 
@@ -423,7 +523,11 @@ Micromap DocumentBaker::bakeRead(std::span<Source> sources)
             const double share = total == 0 ? 1 : static_cast<double>(done) / static_cast<double>(total);
             options_.bake.progress(done_ + static_cast<size_t>(share * static_cast<double>(triangles)), total_);
         };
-    return vellum::bake(inputsOf(sources), options).micromap;
+    try {
+        return vellum::bake(inputsOf(sources), options).micromap;
+    } catch (const BakeTooLittleKnown &error) {
+        rejectTarget(error.most() * weighed_);
+    }
 }
 
 void DocumentBaker::bakeSources(std::span<Source> sources)
@@ -454,9 +558,10 @@ void DocumentBaker::bakeSources(std::span<Source> sources)
 
 void DocumentBaker::bakeAll()
 {
-    if (options_.bake.budget) {
-        weigh();
-        bakeSources(sources_); // the budget is shared over all of them
+    if (options_.bake.budget || options_.targetKnown) {
+        measure();
+        weigh(options_.targetKnown ? 0 : kLeastShare);
+        bakeSources(sources_); // what is limited is shared over all of them
         return;
     }
     int image = -1;
@@ -486,7 +591,7 @@ void DocumentBaker::numberMicromaps()
     result_.primitives = std::move(kept);
 }
 
-DocumentBake DocumentBaker::bake()
+void DocumentBaker::collect()
 {
     for (const PrimitivePlace place : trianglePrimitives(document_)) {
         if (options_.bake.cancelled && options_.bake.cancelled())
@@ -502,11 +607,65 @@ DocumentBake DocumentBaker::bake()
     for (const Source &source : sources_)
         for (const auto &[alpha, layer] : source.layers)
             total_ += layer.uvs.size();
+}
+
+DocumentBake DocumentBaker::bake()
+{
+    collect();
     bakeAll();
     numberMicromaps();
+    result_.skipped = takeSkipped();
+    return std::move(result_);
+}
+
+// In the file's order.
+std::vector<SkippedPrimitive> DocumentBaker::takeSkipped()
+{
     std::sort(result_.skipped.begin(), result_.skipped.end(),
               [](const SkippedPrimitive &a, const SkippedPrimitive &b) { return a.place < b.place; });
-    return std::move(result_);
+    return std::move(result_.skipped);
+}
+
+DocumentOutlines DocumentBaker::outline(std::span<const std::optional<uint32_t>> levels,
+                                        std::span<const uint64_t> budgets)
+{
+    collect();
+    for (Source *source : byTexture(sources_))
+        readTexture(*source);
+    DocumentOutlines result;
+    result.skipped = takeSkipped();
+    if (!anyReadable(sources_))
+        return result;
+    measure();
+    weigh(kLeastShare);
+    result.measured = areas_ != &counted_;
+    result.withoutMicromap = 1 - surfaceOfSources() / surface_;
+    std::vector<double> areas;
+    for (const Source &source : sources_)
+        for (const auto &[alpha, layer] : source.layers)
+            for (size_t i = 0; !source.unreadable && i < layer.places.size(); ++i)
+                areas.push_back(areaOf(layer.places[i]));
+    const double all = std::accumulate(areas.begin(), areas.end(), 0.0);
+    const double beforehand = knownBeforehand();
+    const uint64_t empty = bytesWithoutTriangles(sources_);
+    std::vector<uint64_t> left;
+    for (const uint64_t budget : budgets)
+        left.push_back(budget - std::min(budget, empty));
+    outlineBakes(inputsOf(sources_), optionsFor(sources_), levels, left, [&](const BakeOutline &outline) {
+        double known = 0;
+        for (size_t i = 0; i < areas.size(); ++i)
+            known += areas[i] * double{outline.known[i]};
+        DocumentOutline &made = result.outlines.emplace_back();
+        made.setting = outline.setting;
+        if (outline.setting.budget)
+            made.setting.budget = budgets[result.outlines.size() - 1 - 2 * levels.size()];
+        made.bytes = outline.bytes + empty;
+        made.tooLarge = outline.tooLarge;
+        made.levels = outline.levels;
+        made.proven = (beforehand + known) / surface_;
+        made.known = outline.setting.format == Format::TwoState ? (beforehand + all) / surface_ : made.proven;
+    });
+    return result;
 }
 
 } // namespace
@@ -537,9 +696,15 @@ StoredMicromaps storedOf(DocumentBake bake)
     return stored;
 }
 
-DocumentBake bakeDocument(const Document &document, const DocumentBakeOptions &options)
+DocumentBake bakeDocument(const Document &document, const DocumentBakeOptions &options, const SurfaceAreas *areas)
 {
-    return document.named([&] { return DocumentBaker(document, options).bake(); });
+    return document.named([&] { return DocumentBaker(document, options, areas).bake(); });
+}
+
+DocumentOutlines outlineDocument(const Document &document, const DocumentBakeOptions &options,
+                                 std::span<const std::optional<uint32_t>> levels, std::span<const uint64_t> budgets)
+{
+    return document.named([&] { return DocumentBaker(document, options, nullptr).outline(levels, budgets); });
 }
 
 } // namespace vellum

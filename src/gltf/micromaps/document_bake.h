@@ -2,22 +2,29 @@
 // Bakes the micromaps of a glTF file: which primitives get one, and what is in it. Writes nothing.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "bake/bake.h"
+#include "bake/outline.h"
 #include "gltf/document.h"
 #include "gltf/micromaps/bake_cache.h"
+#include "gltf/micromaps/known_surface.h"
 #include "gltf/micromaps/stored_micromaps.h"
 
 namespace vellum
 {
 
 struct DocumentBakeOptions {
-    // The cutoff is the material's; a budget is for all of the file.
+    // The cutoff is the material's; a budget is for all of the file. Not leastKnown.
     BakeOptions bake;
+    // The smallest micromaps that decide this share of the alpha-tested surface (0 to 1). bakeDocument() throws
+    // BakeError, with the share that can be decided, where that is less.
+    std::optional<double> targetKnown;
     // Also bakes alphaMode BLEND: opaque only where alpha is 1, and transparent only where it is 0. This is correct for
     // renderers that blend, and for those that dither.
     bool blend = false;
@@ -92,7 +99,30 @@ struct DocumentBake {
 // Bakes every alpha-tested primitive, whether a node uses it or not. The result does not depend on the number of
 // threads. Primitives that cannot be baked (GltfUnsupported) are skipped; throws GltfError for a damaged file,
 // BakeError.
-DocumentBake bakeDocument(const Document &document, const DocumentBakeOptions &options);
+// `areas`: those of the document, if they were measured before.
+DocumentBake bakeDocument(const Document &document, const DocumentBakeOptions &options,
+                          const SurfaceAreas *areas = nullptr);
+
+// What a bake with a setting would be.
+struct DocumentOutline {
+    BakeSetting setting;
+    uint64_t bytes = 0;                // of all StoredMicromaps
+    bool tooLarge = false;             // the bake would throw BakeTooLarge
+    std::array<uint64_t, 13> levels{}; // triangles with data by level
+    double known = 0;                  // share of the alpha-tested surface that is opaque or transparent
+    double proven = 0;                 // less than that with 2 states: the rest of it is an approximation
+};
+
+struct DocumentOutlines {
+    std::vector<DocumentOutline> outlines; // as outlineBakes() returns them; none where no primitive is baked
+    std::vector<SkippedPrimitive> skipped;
+    double withoutMicromap = 0; // share of the alpha-tested surface
+    bool measured = true;       // false: without a scene to measure, all triangles that are baked count alike
+};
+
+// Every texture is read once for all of them.
+DocumentOutlines outlineDocument(const Document &document, const DocumentBakeOptions &options,
+                                 std::span<const std::optional<uint32_t>> levels, std::span<const uint64_t> budgets);
 
 // The bake as the reader of a file with it returns it, without the name of an extension.
 StoredMicromaps storedOf(DocumentBake bake);

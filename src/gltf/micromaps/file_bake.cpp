@@ -112,9 +112,11 @@ FileBake bakeFile(const Document &document, const std::filesystem::path &output,
         result.inputBytes = document.bytes().size();
         result.replaced = hasMicromaps(document);
         result.replacedLoss = lossOfMicromaps(document).value_or("");
-        result.bake = bakeDocument(document, options);
+        const bool weighs = options.bake.budget || options.targetKnown;
+        const SurfaceAreas areas = options.measure || weighs ? surfaceAreas(document) : SurfaceAreas();
+        result.bake = bakeDocument(document, options, &areas);
         if (options.measure)
-            result.surface = surfaceShares(document, storedOf(result.bake));
+            result.surface = surfaceShares(areas, storedOf(result.bake));
         const RewrittenFile rewritten = withMicromaps(
             document, result.bake, document.binary() || options.embed ? "" : bufferStem(output), options.mark);
         std::error_code error;

@@ -52,6 +52,46 @@ std::optional<std::vector<std::vector<double>>> areasOf(const Scene &scene)
     return areas;
 }
 
+// Adds up the surface by state.
+class ShareSum
+{
+public:
+    // `micromap` may be null.
+    void add(const std::vector<double> &areas, const Micromap *micromap)
+    {
+        std::vector<std::array<double, 4>> shares;
+        if (micromap != nullptr)
+            shares = stateShares(micromap->triangles, micromap->data);
+        for (size_t t = 0; t < areas.size(); ++t) {
+            all_ += areas[t];
+            if (micromap == nullptr || t >= micromap->indices.size()) {
+                sum_.withoutMicromap += areas[t];
+            } else if (const auto special = specialState(micromap->indices[t])) {
+                sum_.states[static_cast<size_t>(*special)] += areas[t];
+            } else {
+                const auto record = static_cast<uint32_t>(micromap->indices[t]) + micromap->baseTriangle;
+                for (size_t state = 0; state < 4; ++state)
+                    sum_.states[state] += areas[t] * shares[record][state];
+            }
+        }
+    }
+
+    [[nodiscard]] std::optional<SurfaceShares> shares() const
+    {
+        if (!(all_ > 0))
+            return std::nullopt;
+        SurfaceShares result = sum_;
+        for (double &state : result.states)
+            state /= all_;
+        result.withoutMicromap /= all_;
+        return result;
+    }
+
+private:
+    SurfaceShares sum_;
+    double all_ = 0;
+};
+
 } // namespace
 
 std::vector<std::array<double, 4>> stateShares(std::span<const MicromapTriangle> triangles,
@@ -75,38 +115,15 @@ std::optional<SurfaceShares> surfaceShares(const Scene &scene,
     const auto areas = areasOf(scene);
     if (!areas)
         return std::nullopt;
-    SurfaceShares sum;
-    double all = 0;
-    for (size_t g = 0; g < areas->size(); ++g) {
-        const std::vector<double> &its = (*areas)[g];
-        const Micromap *micromap = its.empty() ? nullptr : micromapOf(g);
-        std::vector<std::array<double, 4>> shares;
-        if (micromap != nullptr)
-            shares = stateShares(micromap->triangles, micromap->data);
-        for (size_t t = 0; t < its.size(); ++t) {
-            all += its[t];
-            if (micromap == nullptr || t >= micromap->indices.size()) {
-                sum.withoutMicromap += its[t];
-            } else if (const auto special = specialState(micromap->indices[t])) {
-                sum.states[static_cast<size_t>(*special)] += its[t];
-            } else {
-                const auto record = static_cast<uint32_t>(micromap->indices[t]) + micromap->baseTriangle;
-                for (size_t state = 0; state < 4; ++state)
-                    sum.states[state] += its[t] * shares[record][state];
-            }
-        }
-    }
-    if (!(all > 0))
-        return std::nullopt;
-    for (double &state : sum.states)
-        state /= all;
-    sum.withoutMicromap /= all;
-    return sum;
+    ShareSum sum;
+    for (size_t g = 0; g < areas->size(); ++g)
+        sum.add((*areas)[g], (*areas)[g].empty() ? nullptr : micromapOf(g));
+    return sum.shares();
 }
 
-std::map<PrimitivePlace, std::vector<double>> surfaceAreas(const Document &document)
+SurfaceAreas surfaceAreas(const Document &document)
 {
-    std::map<PrimitivePlace, std::vector<double>> sums;
+    SurfaceAreas sums;
     double all = 0;
     try {
         const Scene scene = readScene(document, SceneUse::Measuring);
@@ -125,22 +142,17 @@ std::map<PrimitivePlace, std::vector<double>> surfaceAreas(const Document &docum
     } catch (const GltfError &) {
         return {};
     }
-    return all > 0 ? sums : std::map<PrimitivePlace, std::vector<double>>();
+    return all > 0 ? sums : SurfaceAreas();
 }
 
-std::optional<SurfaceShares> surfaceShares(const Document &document, const StoredMicromaps &stored)
+std::optional<SurfaceShares> surfaceShares(const SurfaceAreas &areas, const StoredMicromaps &stored)
 {
-    try {
-        const Scene scene = readScene(document, SceneUse::Measuring);
-        std::optional<Micromap> micromap;
-        return surfaceShares(scene, [&](size_t geometry) {
-            const auto place = scene.geometries[geometry].place;
-            micromap = place ? stored.of(*place) : std::nullopt;
-            return micromap ? &*micromap : nullptr;
-        });
-    } catch (const GltfError &) {
-        return std::nullopt;
+    ShareSum sum;
+    for (const auto &[place, its] : areas) {
+        const std::optional<Micromap> micromap = stored.of(place);
+        sum.add(its, micromap ? &*micromap : nullptr);
     }
+    return sum.shares();
 }
 
 } // namespace vellum

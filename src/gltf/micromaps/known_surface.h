@@ -35,11 +35,13 @@ struct SurfaceShares {
 std::optional<SurfaceShares> surfaceShares(const Scene &scene,
                                            const std::function<const Micromap *(size_t)> &micromapOf);
 
-// The areas of all alpha-tested triangles of the default scene in the world, those of every instance added up. Empty if
-// the scene cannot be read, or in the cases above.
-std::map<PrimitivePlace, std::vector<double>> surfaceAreas(const Document &document);
+// By alpha-tested primitive of the default scene, the areas of its triangles in the world, those of every instance
+// added up.
+using SurfaceAreas = std::map<PrimitivePlace, std::vector<double>>;
+// Empty if the scene cannot be read, or in the cases above.
+SurfaceAreas surfaceAreas(const Document &document);
 
-// The shares for the default scene of a file, with these micromaps. No result if the scene cannot be read.
-std::optional<SurfaceShares> surfaceShares(const Document &document, const StoredMicromaps &stored);
+// The shares with these micromaps. No result without areas.
+std::optional<SurfaceShares> surfaceShares(const SurfaceAreas &areas, const StoredMicromaps &stored);
 
 } // namespace vellum

@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+// The triangles of a bake that differ, and their classification.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "bake/bake.h"
+#include "bake/classify.h"
+#include "bake/packed.h"
+#include "core/parallel.h"
+
+namespace vellum
+{
+
+// inParallel() of work that may be cancelled: then it throws BakeCancelled.
+template <typename State, typename Function>
+void inParallel(unsigned threads, size_t count, const std::function<bool()> &cancelled, Function &&function)
+{
+    vellum::inParallel<State>(threads, count, [&](size_t i, State &state) {
+        if (cancelled && cancelled())
+            throw BakeCancelled();
+        function(i, state);
+    });
+}
+
+// One mip chain with a cutoff.
+class Material
+{
+public:
+    Material(const BakeInput &input, const BakeOptions &options)
+        : source_(input.textures), cutoff_(input.cutoff.value_or(options.cutoff)), uvTerms_(input.uvTerms),
+          options_(options), swapped_(options.test == AlphaTest::Less || options.test == AlphaTest::Greater)
+    {
+        std::span<const AlphaTexture> textures = input.textures;
+        options_.valueTolerance = input.valueTolerance.value_or(options.valueTolerance);
+        // alpha < cutoff is the contrary of alpha >= cutoff, and alpha <= cutoff is -alpha >= -cutoff.
+        options_.cutoff = cutoff_;
+        if (options.test == AlphaTest::LessOrEqual || options.test == AlphaTest::Greater) {
+            options_.cutoff = -cutoff_;
+            negated_.assign(textures.begin(), textures.end());
+            for (AlphaTexture &texture : negated_) {
+                texture.border = -texture.border;
+                for (float &alpha : texture.alpha)
+                    alpha = -alpha;
+            }
+            textures = negated_;
+        }
+        for (const AlphaTexture &texture : textures)
+            levels_.push_back(std::make_unique<Classifier>(texture, options_, uvTerms_));
+    }
+
+    [[nodiscard]] bool isOf(const BakeInput &input, const BakeOptions &options) const
+    {
+        return input.textures.data() == source_.data() && input.textures.size() == source_.size() &&
+               input.cutoff.value_or(options.cutoff) == cutoff_ &&
+               input.valueTolerance.value_or(options.valueTolerance) == options_.valueTolerance &&
+               input.uvTerms == uvTerms_;
+    }
+    [[nodiscard]] uint32_t levelFor(const TriangleUvs &uvs) const { return levels_.front()->levelFor(uvs); }
+
+    struct Scratch {
+        ClassifierScratch classifier;
+        std::vector<uint8_t> packed;
+    };
+    // Classifies like Classifier::classify, for all mip levels.
+    void classify(const TriangleUvs &uvs, uint32_t level, uint8_t *packed, Scratch &scratch) const
+    {
+        levels_.front()->classify(uvs, level, packed, scratch.classifier);
+        for (size_t i = 1; i < levels_.size(); ++i) {
+            scratch.packed.assign(packedBytes(level, Format::FourState), 0);
+            levels_[i]->classify(uvs, level, scratch.packed.data(), scratch.classifier);
+            keepCommon(packed, scratch.packed.data(), level);
+        }
+        if (swapped_)
+            swapOutcomes(packed, level);
+    }
+
+private:
+    std::span<const AlphaTexture> source_;
+    double cutoff_;
+    double uvTerms_;
+    BakeOptions options_;
+    bool swapped_;
+    std::vector<AlphaTexture> negated_;
+    std::vector<std::unique_ptr<Classifier>> levels_;
+};
+
+// A triangle that is different from all before it.
+struct Distinct {
+    const Material *material;
+    const TriangleUvs *uvs;
+    uint32_t level;
+    uint32_t folds; // levels that a budget takes from what is classified, `level + folds`
+    Format format;
+    bool automatic; // its level
+    uint32_t group;
+    uint64_t uses;
+    double weight; // of all uses
+
+    [[nodiscard]] uint32_t classifiedBytes() const { return packedBytes(level + folds, Format::FourState); }
+};
+
+// Everything that decides the data of a triangle.
+struct DistinctKey {
+    uint32_t material;
+    uint32_t request; // level, or none, and format
+    uint32_t group;
+    std::array<uint32_t, 6> uvs; // bits, so that NaNs are equal to themselves
+    bool operator==(const DistinctKey &) const = default;
+};
+
+class DistinctTriangles
+{
+public:
+    DistinctTriangles(std::span<const BakeInput> inputs, const BakeOptions &options);
+
+    std::vector<Distinct> triangles;
+    std::vector<uint32_t> of; // for each triangle of all inputs
+
+private:
+    uint32_t materialOf(const BakeInput &input, const BakeOptions &options);
+    void add(const BakeInput &input, const BakeOptions &options);
+
+    std::vector<std::unique_ptr<Material>> materials_;
+    std::vector<DistinctKey> keys_; // of each distinct triangle
+    std::vector<uint32_t> slots_;   // by hash: one more than a distinct triangle, or 0
+};
+
+// The states of a distinct triangle, packed.
+struct Packed {
+    uint8_t *data;
+    std::optional<State> uniform;
+    StateCounts counts{};
+    uint64_t hash = 0;
+};
+
+// Memory of a thread that classifies triangles one at a time.
+struct PackedScratch {
+    Material::Scratch classifier;
+    std::vector<uint8_t> packed;
+};
+
+// Returns whether a triangle with so many known micro-triangles gets a special index for unknown.
+bool isTooLittle(uint64_t known, uint32_t level, Format format, const BakeOptions &options);
+
+// Classifies a triangle into `packed.data`, which has its classifiedBytes().
+void pack(const Distinct &triangle, const BakeOptions &options, Packed &packed, Material::Scratch &scratch);
+
+// The last part of pack(): turns 4-state data, with its counts, into what the format and the options make of it.
+void finish(const Distinct &triangle, const BakeOptions &options, Packed &packed);
+
+// A hash of all that triangles must have in common to share data; not 0.
+uint64_t dataKey(const Distinct &triangle, uint32_t level, const uint8_t *data, Format format);
+
+// Throws BakeError for options, levels or a texture out of range.
+void checkBake(std::span<const BakeInput> inputs, const BakeOptions &options);
+
+} // namespace vellum
