@@ -15,6 +15,7 @@
 #include "cli/options/commands.h"
 #include "cli/options/options.h"
 #include "core/utf8_path.h"
+#include "inspect/comparison.h"
 #include "inspect/page.h"
 #include "inspect/report_parts.h"
 #include "inspect/tally.h"
@@ -32,6 +33,9 @@ pan in, the triangles that are worth a look, and a picture of each mesh.
 
 Without OUT, NAME.html is written beside the input. An existing file is replaced only if vellum wrote it, or with --force.
 
+Two files are compared: bytes, levels and the share of the alpha-tested surface that is known, in all, by material and by
+mesh. Both are matched by name. No page is written then unless -o or --html names one.
+
 Examples:
   vellum inspect ash.omm.glb
       writes the page ash.omm.html
@@ -41,10 +45,13 @@ Examples:
       eight triangles, and the texture around them
   vellum inspect ash.glb --bake --level 5
       what vellum bake would make of a file with these options
+  vellum inspect level5.glb level7.glb -o difference.html
+      compares two bakes, and writes a page
 )";
 
 struct InspectOptions {
     std::filesystem::path input;
+    std::optional<std::filesystem::path> second;  // to compare with
     std::optional<std::filesystem::path> operand; // OUT
     std::optional<std::filesystem::path> output;  // -o
     std::optional<std::filesystem::path> html;
@@ -91,7 +98,8 @@ std::function<void()> declareInspect(CLI::App &command, InspectOptions &options)
     command.footer(kInspectDetails + exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage}));
     command.option_defaults()->group(kInput);
     command.add_option("IN", options.input, "A .glb or .gltf file")->type_name("IN")->required();
-    command.add_option("OUT", options.operand, "The same as -o OUT")->type_name("[OUT]");
+    command.add_option("OUT", options.operand, "The same as -o OUT; or a second .glb or .gltf file to compare with")
+        ->type_name("[OUT]");
     declareOutputs(command, options);
     command.option_defaults()->group(kSelection);
     command.add_option("--mesh", options.meshes, "Only these meshes: 2, 0-4, or several with commas")
@@ -125,6 +133,8 @@ void printFile(const inspect::InspectedFile &file)
     const inspect::Tally tally = inspect::tallyOf(file);
     fmt::print("file        {}: {}, {}\n", file.name, counted(file.bytes, "byte"),
                file.baked ? "baked in memory" : file.stored.extension);
+    if (file.surface)
+        fmt::print("surface     {}\n", describe(*file.surface));
     fmt::print("micromaps   {} of {}: {}, {} with a special index\n", file.primitives.size(),
                counted(file.primitiveCount, "primitive"), counted(tally.triangles, "triangle"),
                grouped(tally.special[0] + tally.special[1] + tally.special[2] + tally.special[3]));
@@ -134,8 +144,6 @@ void printFile(const inspect::InspectedFile &file)
             levels += fmt::format("{}{}: {}", levels.empty() ? "" : ", ", level, grouped(count));
     fmt::print("levels      {}\n", levels.empty() ? "none" : levels);
     printShares(tally);
-    if (file.surface)
-        fmt::print("surface     {}\n", describe(*file.surface));
     fmt::print("bytes       {} of states, {} of triangles, {} of indices\n", grouped(tally.dataBytes),
                grouped(tally.recordsUsed * sizeof(MicromapTriangle)), grouped(tally.indexBytes));
     for (const SkippedPrimitive &skipped : file.skipped)
@@ -145,12 +153,11 @@ void printFile(const inspect::InspectedFile &file)
             fmt::print("warning     shown without the texture: {}\n", material.problem);
 }
 
-void printJson(const InspectOptions &options, const inspect::InspectedFile &file)
+void write(const InspectOptions &options, const std::filesystem::path &input, const inspect::InspectedFile &file,
+           JsonWriter &json)
 {
     const inspect::Tally tally = inspect::tallyOf(file);
-    JsonWriter json;
-    beginReport(json, "inspect");
-    json.key("files").beginArray().beginObject().member("file", utf8Text(options.input)).member("bytes", file.bytes);
+    json.beginObject().member("file", utf8Text(input)).member("bytes", file.bytes);
     json.member("baked", file.baked).member("extension", file.stored.extension);
     json.key("outputs").beginArray();
     for (const auto &path : {options.picture, options.html})
@@ -171,11 +178,40 @@ void printJson(const InspectOptions &options, const inspect::InspectedFile &file
     json.member("stateBytes", tally.dataBytes).member("recordBytes", tally.recordsUsed * sizeof(MicromapTriangle));
     json.member("indexBytes", tally.indexBytes);
     writeSkipped(file.skipped, json);
-    fmt::print("{}\n", json.end().end().end().text());
+    json.end();
+}
+
+void printJson(const InspectOptions &options, const inspect::InspectedFile &file)
+{
+    JsonWriter json;
+    beginReport(json, "inspect");
+    json.key("files").beginArray();
+    write(options, options.input, file, json);
+    fmt::print("{}\n", json.end().end().text());
+}
+
+// The second operand may be a file to compare with.
+void takeSecond(InspectOptions &options)
+{
+    if (!options.operand || (suffixOf(*options.operand) != ".glb" && suffixOf(*options.operand) != ".gltf"))
+        return;
+    options.second = std::move(options.operand);
+    options.operand.reset();
+    if (options.picture || !options.selection.everything() || !options.meshes.empty() || !options.primitives.empty() ||
+        !options.triangles.empty())
+        throw UsageError("two files are compared whole, without --picture, --mesh, --primitive, --triangle and "
+                         "--material");
 }
 
 void placeOutputs(InspectOptions &options)
 {
+    if (options.second) {
+        if (options.output && options.html)
+            throw UsageError("--output and --html exclude each other");
+        if (options.output)
+            options.html = outputFor(options.output, "comparison.html");
+        return;
+    }
     if (options.operand && options.output)
         throw UsageError("OUT and --output exclude each other");
     const std::optional<std::filesystem::path> said = options.operand ? options.operand : options.output;
@@ -201,6 +237,7 @@ bool writesToStdout(const InspectOptions &options)
 
 void finishInspect(InspectOptions &options)
 {
+    takeSecond(options);
     placeOutputs(options);
     inspect::Selection &selection = options.selection;
     for (const auto &[text, option, ranges] : {std::tuple(&options.meshes, "--mesh", &selection.meshes),
@@ -221,6 +258,42 @@ void finishInspect(InspectOptions &options)
             checkWritable(*path, options.force);
 }
 
+void writePage(const InspectOptions &options, const std::string &page, std::optional<DataOutput> &data)
+{
+    writeData(*options.html, {reinterpret_cast<const uint8_t *>(page.data()), page.size()}, data);
+}
+
+int compareCommand(const InspectOptions &options, std::optional<DataOutput> &data)
+{
+    UnmatchedExclusions exclusions(options.baking);
+    std::vector<inspect::InspectedFile> files;
+    for (const std::filesystem::path &path : {options.input, *options.second}) {
+        const Document document = openDocument(path);
+        exclusions.note(document);
+        files.push_back(inspect::inspectFile(document, options.selection, options.bake ? &options.baking : nullptr));
+        files.back().name = utf8Text(path); // both may have the same name in different folders
+    }
+    exclusions.print();
+    const inspect::Comparison comparison = inspect::compare(files[0], files[1]);
+    if (options.html)
+        writePage(options, inspect::pageOf(comparison), data);
+    if (options.json) {
+        JsonWriter json;
+        beginReport(json, "inspect");
+        json.key("files").beginArray();
+        write(options, options.input, files[0], json);
+        write(options, *options.second, files[1], json);
+        json.end().key("comparison");
+        inspect::write(comparison, json);
+        fmt::print("{}\n", json.end().text());
+        return static_cast<int>(ExitCode::Success);
+    }
+    fmt::print("{}", inspect::textOf(comparison));
+    if (options.html && !isStandardStream(*options.html))
+        fmt::print("wrote       {}\n", utf8Text(*options.html));
+    return static_cast<int>(ExitCode::Success);
+}
+
 int inspectCommand(InspectOptions &options)
 {
     finishInspect(options);
@@ -229,6 +302,8 @@ int inspectCommand(InspectOptions &options)
         data.emplace(DataOutput::Reports::ToStderr);
     if (options.quiet && !options.json)
         discardReports();
+    if (options.second)
+        return compareCommand(options, data);
     const Document document = openDocument(options.input);
     UnmatchedExclusions exclusions(options.baking);
     exclusions.note(document);
@@ -249,8 +324,7 @@ int inspectCommand(InspectOptions &options)
     }
     if (options.html) {
         const ProgressLine progress("drawing");
-        const std::string page = inspect::makePage(document, file);
-        writeData(*options.html, {reinterpret_cast<const uint8_t *>(page.data()), page.size()}, data);
+        writePage(options, inspect::makePage(document, file), data);
     }
     if (options.json)
         printJson(options, file);

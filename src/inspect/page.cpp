@@ -115,7 +115,10 @@ void writeFile(const InspectedFile &file, JsonWriter &json)
     json.member("extension", file.stored.extension).member("micromaps", file.stored.micromaps.size());
     json.member("records", records).member("dataBytes", dataBytes).member("meshes", file.meshCount);
     json.member("inspectedMeshes", meshes.size()).member("primitives", file.primitiveCount);
-    json.member("micromapPrimitives", file.stored.primitives.size()).end();
+    json.member("micromapPrimitives", file.stored.primitives.size());
+    if (file.surface)
+        json.member("surfaceKnown", file.surface->known()).member("surfaceWithout", file.surface->withoutMicromap);
+    json.end();
 }
 
 // The part of the page's data that is JSON.

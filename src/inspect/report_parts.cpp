@@ -15,7 +15,10 @@ void beginReport(JsonWriter &json, const char *command)
 
 std::string describe(const SurfaceShares &surface)
 {
-    return percent(surface.known()) + " of the alpha-tested surface is known";
+    std::string text = percent(surface.known()) + " of the alpha-tested surface is known";
+    if (surface.withoutMicromap > 0)
+        text += ", " + percent(surface.withoutMicromap) + " of it has no micromap";
+    return text;
 }
 
 void writeSurface(const std::optional<SurfaceShares> &surface, JsonWriter &json)

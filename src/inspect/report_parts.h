@@ -34,7 +34,7 @@ void writeStates(const char *name, const Values &values, JsonWriter &json)
     json.end();
 }
 
-// "61.2 % of the alpha-tested surface is known"
+// "61.2 % of the alpha-tested surface is known, 9.0 % of it has no micromap"
 std::string describe(const SurfaceShares &surface);
 
 // "surface": null without shares.

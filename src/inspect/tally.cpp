@@ -74,6 +74,14 @@ Tally tallyOf(const InspectedFile &file, const InspectedPrimitive &primitive)
     return tallier.finish();
 }
 
+Tally tallyOf(const InspectedFile &file, std::span<const InspectedPrimitive *const> primitives)
+{
+    Tallier tallier(file);
+    for (const InspectedPrimitive *primitive : primitives)
+        tallier.add(*primitive);
+    return tallier.finish();
+}
+
 Tally tallyOfMaterial(const InspectedFile &file, uint32_t material)
 {
     Tallier tallier(file);

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 
 #include "inspect/inspected_file.h"
 
@@ -26,6 +27,9 @@ struct Tally {
 Tally tallyOf(const InspectedFile &file);
 // The tally of one primitive's triangles.
 Tally tallyOf(const InspectedFile &file, const InspectedPrimitive &primitive);
+
+// The tally of those primitives' triangles.
+Tally tallyOf(const InspectedFile &file, std::span<const InspectedPrimitive *const> primitives);
 
 // The tally of all triangles with one material, of InspectedFile::materials.
 Tally tallyOfMaterial(const InspectedFile &file, uint32_t material);

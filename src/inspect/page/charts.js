@@ -83,7 +83,10 @@ function showTiles() {
   const bytes = t.dataBytes + t.records * 8 + t.indexBytes;
   const tile = (label, value, more) => element("div", { class: "tile" }, element("span", {}, label), element("b", {}, value), element("span", {}, more));
   document.getElementById("tiles").append(
-    tile("Known", percent(known), `${percent(1 - known)} is left to the shader`),
+    facts.file.surfaceKnown === undefined
+      ? tile("Triangles known", percent(known), "each triangle counted alike")
+      : tile("Surface known", percent(facts.file.surfaceKnown), facts.file.surfaceWithout
+        ? `${percent(facts.file.surfaceWithout)} has no micromap` : `${percent(1 - facts.file.surfaceKnown)} is left to the shader`),
     tile("Triangles", count(t.triangles), `${percent(t.triangles ? special / t.triangles : 0)} with a special index`),
     tile("Micromap triangles", count(t.records), `${plural(t.sharing, "triangle")} share${t.sharing === 1 ? "s" : ""} one`),
     tile("Bytes", size(bytes), t.triangles ? `${(bytes / t.triangles).toFixed(1)} for each triangle` : ""),
