@@ -115,6 +115,7 @@ std::map<std::string, std::function<int()>> declareCommands(CLI::App &app, const
                kMicromapDraft + ").");
     std::map<std::string, std::function<int()>> commands;
     commands["bake"] = declareBakeCommand(app);
+    commands["sweep"] = declareSweepCommand(app);
     commands["inspect"] = declareInspectCommand(app);
     commands["render"] = declareRenderCommand(app);
     commands["info"] = declareInfoCommand(app);

@@ -51,7 +51,7 @@ def bash_answers(*words):
 
 overview = help_of()
 commands = re.findall(r"^  ([a-z]+) {2,}", overview.split("Subcommands:")[1].split("\n\n")[0], re.MULTILINE)
-expect({"bake", "check", "help", "info", "inspect", "render", "run", "spirv", "verify"} <= set(commands),
+expect({"bake", "check", "help", "info", "inspect", "render", "run", "spirv", "sweep", "verify"} <= set(commands),
        f"--help lists only {commands}")
 SECTIONS = ("NAME", "SYNOPSIS", "DESCRIPTION", "OPTIONS", "EXIT STATUS", "FILES", "SEE ALSO")
 for section in SECTIONS:

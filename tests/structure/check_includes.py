@@ -73,7 +73,7 @@ SUBSYSTEMS = {
     "bake": below("numbers", "texture", ""),
     "check": below("oracle", "case", "groups"),
     "gltf": below("file", "data", "", "micromaps"),
-    "cli": below("base", "options", "info", "check", "bench", "spirv", "verify", "bake", "", "manual"),
+    "cli": below("base", "options", "info", "check", "bench", "spirv", "verify", "bake", "sweep", "", "manual"),
 }
 
 SOURCES = {".c", ".cpp", ".h", ".inc", ".glsl", ".comp", ".vert", ".frag", ".mesh", ".rgen", ".rmiss", ".rchit",

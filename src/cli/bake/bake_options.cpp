@@ -66,6 +66,8 @@ Examples:
       all .glb and .gltf files in models/
   vellum bake tree.glb --level 5 --budget 2M
       no finer than level 5, and at most 2 MiB of micromaps
+  vellum bake tree.glb --target-known 0.9
+      the smallest micromaps that know 90 % of the alpha-tested surface
   vellum bake house.gltf -o out/ --blend --exclude-material 'glass*'
       alphaMode BLEND as well, but not glass
   vellum bake --files list.txt -o baked/ --shard 2/8 --log 2.jsonl --resume 2.jsonl
@@ -169,8 +171,9 @@ void declareSelection(CLI::App &command, DocumentBakeOptions &options)
         ->type_name("PATTERN");
 }
 
-void declareQuality(CLI::App &command, BakeOptions &bake, RawBakeOptions &raw)
+void declareQuality(CLI::App &command, DocumentBakeOptions &options, RawBakeOptions &raw)
 {
+    BakeOptions &bake = options.bake;
     command.option_defaults()->group(kQuality);
     command
         .add_option(
@@ -188,6 +191,13 @@ void declareQuality(CLI::App &command, BakeOptions &bake, RawBakeOptions &raw)
             "surface, or automatic ones raised where that gains the most. 0: one state "
             "for each triangle; what then remains are the 9 bytes of an empty micromap for each material [none]")
         ->type_name("BYTES");
+    command
+        .add_option(
+            "--target-known", options.targetKnown,
+            "The smallest micromaps that know this share of the alpha-tested surface, 0 to 1, with levels as for "
+            "--budget; a file of which no levels know as much fails, with the share that they do [none]")
+        ->check(between(0, 1))
+        ->type_name("SHARE");
     takesWords(*command.add_option("--states", raw.states,
                                    "4: opaque, transparent and two unknown states, exact. 2: an approximation [4]"),
                {"2", "4"});
@@ -206,6 +216,10 @@ void finishBaking(DocumentBakeOptions &options, const RawBakeOptions &raw)
         bake.budget = parseBytes("--budget", raw.budget);
     bake.format = raw.states == "2" ? Format::TwoState : Format::FourState;
     bake.twoStateRule = kRules.at(raw.rule);
+    if (bake.budget && options.targetKnown)
+        throw UsageError("--budget and --target-known exclude each other");
+    if (bake.format == Format::TwoState && options.targetKnown)
+        throw UsageError("--target-known is for 4 states: with --states 2 nothing is unknown");
     if (raw.exact)
         bake.exactly();
 }
@@ -265,7 +279,7 @@ std::function<void()> declareBaking(CLI::App &command, DocumentBakeOptions &opti
 {
     const auto raw = std::make_shared<RawBakeOptions>();
     declareSelection(command, options);
-    declareQuality(command, options.bake, *raw);
+    declareQuality(command, options, *raw);
     BakeOptions &bake = options.bake;
     addToleranceOptions(
         command, raw->exact,

@@ -76,11 +76,12 @@ std::string summary(const BakeFileReport &file)
     size_t triangles = 0;
     for (const BakedReport &primitive : file.primitives)
         triangles += primitive.triangles;
+    const std::string share = file.surface ? describe(*file.surface)
+                                           : percent(knownShare(file.primitives)) + " of triangles are known";
     std::string text = file.primitives.empty()
                            ? std::string(file.written ? "nothing to bake" : "nothing to bake, not written")
-                           : fmt::format("{}, {}, {} of triangles known, {} of micromaps",
-                                         counted(file.primitives.size(), "primitive"), counted(triangles, "triangle"),
-                                         percent(knownShare(file.primitives)), counted(micromapBytes(file), "byte"));
+                           : fmt::format("{}; {} of micromaps, {}, {}", share, counted(micromapBytes(file), "byte"),
+                                         counted(file.primitives.size(), "primitive"), counted(triangles, "triangle"));
     std::error_code error;
     if (!file.written && std::filesystem::exists(file.job.output, error))
         text += ", the earlier file is left as it is";
@@ -89,8 +90,6 @@ std::string summary(const BakeFileReport &file)
                                     [](const SkippedPrimitive &s) { return s.hadMicromap; });
     if (lost != 0 && file.written)
         text += fmt::format(" ({} lost {} micromap)", lost, lost == 1 ? "its" : "their");
-    if (file.surface)
-        text += "; " + describe(*file.surface);
     if (file.cacheHits + file.cacheMisses != 0)
         text +=
             fmt::format("; cache: {}, {}", counted(file.cacheHits, "hit"), counted(file.cacheMisses, "miss", "misses"));

@@ -24,6 +24,7 @@ std::function<int()> declareInspectCommand(CLI::App &app);
 std::function<int()> declareRenderCommand(CLI::App &app);
 std::function<int()> declareRunCommand(CLI::App &app, const std::vector<std::string> &words);
 std::function<int()> declareSpirvCommand(CLI::App &app);
+std::function<int()> declareSweepCommand(CLI::App &app);
 std::function<int()> declareVerifyCommand(CLI::App &app);
 
 } // namespace vellum::cli

@@ -1,0 +1,342 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/sweep/sweep.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+#include <map>
+#include <mutex>
+
+#include "base/error.h"
+#include "base/process.h"
+#include "base/progress.h"
+#include "base/text.h"
+#include "cli/bake/bake.h"
+#include "cli/base/exit_code.h"
+#include "cli/base/files.h"
+#include "core/parallel.h"
+#include "core/utf8_path.h"
+#include "gltf/file/gltf_error.h"
+#include "inspect/report_parts.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+// What is recommended knows that share of what can be known.
+constexpr double kEnough = 0.95;
+
+std::vector<uint64_t> sweptBudgets()
+{
+    std::vector<uint64_t> budgets;
+    for (uint64_t budget = 1024; budget <= uint64_t{64} << 20; budget *= 2)
+        budgets.push_back(budget);
+    return budgets;
+}
+
+std::vector<std::optional<uint32_t>> sweptLevels(uint32_t highest)
+{
+    std::vector<std::optional<uint32_t>> levels = {std::nullopt};
+    for (uint32_t level = 1; level <= highest; ++level)
+        levels.emplace_back(level);
+    return levels;
+}
+
+// 65536 -> 64K
+std::string budgetText(uint64_t bytes)
+{
+    return bytes >> 20 != 0 ? fmt::format("{}M", bytes >> 20) : fmt::format("{}K", bytes >> 10);
+}
+
+SweptFile sweepFile(const std::filesystem::path &path, const DocumentBakeOptions &options,
+                    UnmatchedExclusions &exclusions)
+{
+    SweptFile file;
+    file.path = utf8Text(path);
+    try {
+        const Document document = openDocument(path);
+        exclusions.note(document);
+        const std::vector<std::optional<uint32_t>> levels = sweptLevels(options.bake.maxLevel);
+        file.result = outlineDocument(document, options, levels, sweptBudgets());
+    } catch (const GltfError &error) {
+        file.error = error.what();
+    } catch (const std::bad_alloc &) {
+        file.error = file.path + ": out of memory";
+    } catch (const BakeError &error) {
+        file.error = file.path + ": " + error.what();
+    }
+    return file;
+}
+
+std::string levelsText(const SweepRow &row)
+{
+    size_t low = row.levels.size();
+    size_t high = 0;
+    for (size_t level = 0; level < row.levels.size(); ++level)
+        if (row.levels[level] != 0) {
+            low = std::min(low, level);
+            high = level;
+        }
+    return low > high ? "-" : low == high ? std::to_string(low) : fmt::format("{}-{}", low, high);
+}
+
+void write(const SweepRow &row, JsonWriter &json)
+{
+    json.beginObject().member("options", row.options()).key("level");
+    row.setting.level ? json.value(*row.setting.level) : json.null();
+    json.member("states", row.setting.format == Format::TwoState ? 2 : 4).key("budget");
+    row.setting.budget ? json.value(*row.setting.budget) : json.null();
+    json.member("bytes", row.bytes).member("tooLarge", row.tooLarge);
+    json.member("known", row.known).member("proven", row.proven).key("bytesPerPercent");
+    row.bytesPerPercent ? json.value(*row.bytesPerPercent) : json.null();
+    json.member("shaderCalls", row.shaderCalls()).key("levels").beginObject();
+    for (size_t level = 0; level < row.levels.size(); ++level)
+        if (row.levels[level] != 0)
+            json.member(std::to_string(level), row.levels[level]);
+    json.end().end();
+}
+
+Sweep sweepFiles(const SweepOptions &options)
+{
+    Sweep sweep;
+    const std::vector<std::filesystem::path> paths = gltfFiles(options.inputs);
+    UnmatchedExclusions exclusions(options.bake);
+    sweep.files.resize(paths.size());
+    ProgressLine progress("sweeping");
+    std::mutex updating;
+    std::vector<double> done(paths.size());
+    const auto update = [&](size_t file, double share) {
+        const std::lock_guard lock(updating);
+        done[file] = share;
+        double all = 0;
+        for (const double its : done)
+            all += its;
+        progress.update(static_cast<size_t>(1000 * all / static_cast<double>(done.size())), 1000);
+    };
+    const unsigned threads = threadCount(options.threads);
+    inParallel(threads, paths.size(), [&](size_t i) {
+        DocumentBakeOptions bake = options.bake;
+        bake.bake.threads = std::max(1u, threads / static_cast<unsigned>(std::min<size_t>(threads, paths.size())));
+        bake.bake.progress = [&](size_t n, size_t total) {
+            update(i, static_cast<double>(n) / static_cast<double>(std::max<size_t>(total, 1)));
+        };
+        sweep.files[i] = sweepFile(paths[i], bake, exclusions);
+        update(i, 1);
+    });
+    std::vector<const DocumentOutlines *> bakeable;
+    for (const SweptFile &file : sweep.files)
+        if (!file.result.outlines.empty())
+            bakeable.push_back(&file.result);
+    sweep.bakeable = bakeable.size();
+    sweep.rows = rowsOf(bakeable);
+    sweep.recommendation = recommend(sweep.rows);
+    exclusions.print();
+    return sweep;
+}
+
+} // namespace
+
+std::string SweepRow::options() const
+{
+    if (setting.budget)
+        return "--budget " + budgetText(*setting.budget);
+    std::string text = "--level " + (setting.level ? std::to_string(*setting.level) : "auto");
+    return setting.format == Format::TwoState ? text + " --states 2" : text;
+}
+
+std::vector<SweepRow> rowsOf(const std::vector<const DocumentOutlines *> &files)
+{
+    std::vector<SweepRow> rows;
+    for (size_t i = 0; !files.empty() && i < files.front()->outlines.size(); ++i) {
+        SweepRow row;
+        row.setting = files.front()->outlines[i].setting;
+        for (const DocumentOutlines *file : files) {
+            const DocumentOutline &outline = file->outlines[i];
+            row.bytes += outline.bytes;
+            row.known += outline.known / static_cast<double>(files.size());
+            row.proven += outline.proven / static_cast<double>(files.size());
+            row.tooLarge = row.tooLarge || outline.tooLarge;
+            for (size_t level = 0; level < row.levels.size(); ++level)
+                row.levels[level] += outline.levels[level];
+        }
+        // The next lower level, or the next smaller budget.
+        const auto before = std::find_if(rows.rbegin(), rows.rend(), [&](const SweepRow &other) {
+            return other.setting.format == row.setting.format &&
+                   other.setting.budget.has_value() == row.setting.budget.has_value() &&
+                   other.setting.level.has_value() == row.setting.level.has_value();
+        });
+        if (before != rows.rend() && row.setting.budget && row.bytes == before->bytes && row.known == before->known)
+            continue;
+        if (before != rows.rend() && row.known - before->known > 1e-9)
+            row.bytesPerPercent = (static_cast<double>(row.bytes) - static_cast<double>(before->bytes)) /
+                                  (100 * (row.known - before->known));
+        rows.push_back(row);
+    }
+    // Levels in 4 states, then in 2, then budgets.
+    std::stable_partition(rows.begin(), rows.end(), [](const SweepRow &row) {
+        return row.setting.format == Format::FourState && !row.setting.budget;
+    });
+    return rows;
+}
+
+std::optional<Recommendation> recommend(const std::vector<SweepRow> &rows)
+{
+    double best = 0;
+    for (const SweepRow &row : rows)
+        if (row.eligible())
+            best = std::max(best, row.known);
+    if (!(best > 0))
+        return std::nullopt;
+    const auto fewest = [&](double known) {
+        size_t found = rows.size();
+        for (size_t i = 0; i < rows.size(); ++i)
+            if (rows[i].eligible() && rows[i].known >= known &&
+                (found == rows.size() || rows[i].bytes < rows[found].bytes))
+                found = i;
+        return found;
+    };
+    Recommendation made;
+    made.row = fewest(kEnough * best);
+    const SweepRow &row = rows[made.row];
+    made.reason = fmt::format("the fewest bytes that know {:.0f} % of what the best setting here knows ({} of {})",
+                              100 * kEnough, percent(row.known), percent(best));
+    // A whole percentage point more, or all there is.
+    const size_t next = fewest(std::min(row.known + 0.01, best));
+    if (rows[next].known > row.known && rows[next].bytes > row.bytes)
+        made.reason += fmt::format("; after it, each further percentage point takes {} bytes",
+                                   grouped(static_cast<uint64_t>(static_cast<double>(rows[next].bytes - row.bytes) /
+                                                                 (100 * (rows[next].known - row.known)))));
+    return made;
+}
+
+std::string exclusionsText(const Sweep &sweep)
+{
+    double without = 0;
+    size_t count = 0;
+    std::map<std::string, size_t> reasons;
+    for (const SweptFile &file : sweep.files) {
+        without += file.result.withoutMicromap / static_cast<double>(std::max<size_t>(sweep.bakeable, 1));
+        for (const SkippedPrimitive &skipped : file.result.skipped) {
+            ++count;
+            ++reasons[skipped.code == SkipReason::AlphaModeBlend ? skipped.reason + "; --blend bakes it"
+                                                                 : skipped.reason];
+        }
+    }
+    std::string text;
+    if (without > 1e-9)
+        text = percent(without) + " of the alpha-tested surface gets no micromap";
+    if (count == 0)
+        return text;
+    text += text.empty() ? "" : ": ";
+    text += counted(count, "alpha-tested primitive") + " skipped (";
+    for (const auto &[reason, times] : reasons)
+        text += (text.ends_with('(') ? "" : ", ") + reason + (reasons.size() > 1 ? fmt::format(": {}", times) : "");
+    return text + ")";
+}
+
+std::vector<std::array<std::string, 6>> tableOf(const Sweep &sweep)
+{
+    std::vector<std::array<std::string, 6>> table = {
+        {"options", "bytes", "surface known", "approximate", "bytes per further %", "shader calls"}};
+    for (const SweepRow &row : sweep.rows)
+        table.push_back(
+            {row.options(), row.tooLarge ? "too large" : grouped(row.bytes), percent(row.known),
+             row.setting.format == Format::TwoState ? percent(row.approximate()) : "-",
+             row.bytesPerPercent ? grouped(static_cast<uint64_t>(std::max(0.0, *row.bytesPerPercent))) : "-",
+             fmt::format("{:.0f}", row.shaderCalls())});
+    return table;
+}
+
+void printSweep(const Sweep &sweep)
+{
+    fmt::print("{}\n", sweep.bakeable == 1 && sweep.files.size() == 1
+                           ? sweep.files[0].path
+                           : counted(sweep.bakeable, "file") + ": bytes of all, mean share of the surface");
+    std::vector<std::vector<std::string>> table;
+    for (const auto &cells : tableOf(sweep)) {
+        table.emplace_back(cells.begin(), cells.end());
+        table.back().push_back(table.size() == 1 ? "levels" : levelsText(sweep.rows[table.size() - 2]));
+    }
+    std::vector<size_t> widths(table.front().size());
+    for (const auto &line : table)
+        for (size_t i = 0; i < widths.size(); ++i)
+            widths[i] = std::max(widths[i], line[i].size());
+    for (const auto &line : table) {
+        fmt::print("  {:<{}}", line[0], widths[0]);
+        for (size_t i = 1; i < widths.size(); ++i)
+            fmt::print("  {:>{}}", line[i], widths[i]);
+        fmt::print("\n");
+    }
+    if (sweep.recommendation)
+        fmt::print("recommended: {}: {}\n", sweep.rows[sweep.recommendation->row].options(),
+                   sweep.recommendation->reason);
+    fmt::print("{}\n", kTwoStatesText);
+    fmt::print("{}\n", kShaderCallsText);
+    if (const std::string text = exclusionsText(sweep); !text.empty())
+        fmt::print("{}\n", text);
+}
+
+void printSweepJson(const Sweep &sweep, const SweepOptions &options)
+{
+    JsonWriter json;
+    beginReport(json, "sweep");
+    json.key("outputs").beginArray();
+    if (options.output)
+        json.value(utf8Text(*options.output));
+    json.end();
+    json.list("files", sweep.files, [&](const SweptFile &file) {
+        json.beginObject().member("file", file.path);
+        if (!file.error.empty()) {
+            json.member("error", file.error).end();
+            return;
+        }
+        json.member("measured", file.result.measured).member("withoutMicromap", file.result.withoutMicromap);
+        json.list("rows", rowsOf({&file.result}), [&](const SweepRow &row) { write(row, json); });
+        writeSkipped(file.result.skipped, json);
+        json.end();
+    });
+    json.list("rows", sweep.rows, [&](const SweepRow &row) { write(row, json); });
+    json.key("recommendation");
+    if (sweep.recommendation)
+        json.beginObject()
+            .member("options", sweep.rows[sweep.recommendation->row].options())
+            .member("reason", sweep.recommendation->reason)
+            .end();
+    else
+        json.null();
+    fmt::print("{}\n", json.end().text());
+}
+
+int sweepCommand(const SweepOptions &options)
+{
+    std::optional<DataOutput> data;
+    if (options.output && isStandardStream(*options.output))
+        data.emplace(DataOutput::Reports::ToStderr);
+    if (options.quiet && !options.json)
+        discardReports();
+    const Sweep sweep = sweepFiles(options);
+    auto code = ExitCode::Success;
+    for (const SweptFile &file : sweep.files)
+        if (!file.error.empty()) {
+            fmt::print(stderr, "vellum: {}\n", file.error);
+            code = ExitCode::Failed;
+        }
+    if (sweep.rows.empty() && code == ExitCode::Success) {
+        const std::string text = exclusionsText(sweep);
+        throw Error("no primitive gets a micromap" + (text.empty() ? "" : ": " + text));
+    }
+    if (options.output && !sweep.rows.empty()) {
+        const std::string text = suffixOf(*options.output) == ".svg" ? sweepChart(sweep) : sweepPage(sweep);
+        writeData(*options.output, {reinterpret_cast<const uint8_t *>(text.data()), text.size()}, data);
+    }
+    if (options.json)
+        printSweepJson(sweep, options);
+    else if (!sweep.rows.empty())
+        printSweep(sweep);
+    if (options.output && !options.json && !sweep.rows.empty() && !isStandardStream(*options.output))
+        fmt::print("wrote {}\n", utf8Text(*options.output));
+    return static_cast<int>(code);
+}
+
+} // namespace vellum::cli
