@@ -44,7 +44,7 @@ with tempfile.TemporaryDirectory() as name:
     report("bake", tree, "--exclude-material", "tw*", "--dry-run", "--states", "2")
     assert report("bake", tree, "--dry-run", "--cache", folder / "cache")["files"][0]["cache"] == {"hits": 0, "misses": 2}
     report("bake", tree, cut, "-o", folder / "out", code=1)
-    unbaked = report("bake", tree, "--exclude-material", "*", "--force")["files"][0]
+    unbaked = report("bake", tree, "--exclude-material", "*", "-o", folder / "unbaked.glb")["files"][0]
     assert not unbaked["written"] and len(unbaked["skipped"]) == 2
     report("bake", tree, "--exclude-material", "*", "--require-micromaps", "--force", code=7)
     log = folder / "log.jsonl"

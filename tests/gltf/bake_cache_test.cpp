@@ -53,7 +53,7 @@ struct Bake {
     BakeOptions options;
     AlphaTexture texture;
     std::vector<TriangleUvs> triangles;
-    std::vector<float> weights;
+    std::vector<double> weights;
     std::vector<uint8_t> levels;
     std::vector<Format> formats;
     std::optional<double> cutoff;
@@ -105,7 +105,7 @@ Bake randomBake(TestRandom &random)
         TriangleUvs &uvs = bake.triangles.emplace_back();
         for (TexCoord &corner : uvs)
             corner = {static_cast<float>(random.uniform(0, 1)), static_cast<float>(random.uniform(0, 1))};
-        bake.weights.push_back(static_cast<float>(random.uniform(0, 1)));
+        bake.weights.push_back(random.uniform(0, 1));
     }
     if (random() % 2 == 0) // data that both inputs share
         std::copy_n(bake.triangles.begin(), 3, bake.triangles.begin() + 3);

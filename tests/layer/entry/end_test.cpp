@@ -32,6 +32,8 @@ TEST_P(End, ObjectsThatAreNotDestroyed)
                                 VELLUM_END_PROGRAM + "' " + way + ' ' + std::to_string(threads) + ' ' + layers;
     const int status = std::system(command.c_str());
     EXPECT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);
+    if (WIFEXITED(status) && WEXITSTATUS(status) == 77)
+        GTEST_SKIP() << "the driver alone hangs when a forked process ends";
     EXPECT_EQ(WEXITSTATUS(status), 0);
 }
 
