@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <memory>
 
+#include "base/error.h"
 #include "cli/bake/bake.h"
 #include "cli/base/files.h"
 #include "cli/options/cli11.h"

@@ -55,7 +55,7 @@ struct TracerShader {
     TracerShader &operator=(const TracerShader &) = delete;
     VkDescriptorSetLayout setLayout;
     std::vector<uint32_t> code;
-    VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, 16};
+    VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, 24}; // that of the tracer's layout
     ShaderCreateInfo info;
 };
 

@@ -127,7 +127,9 @@ InstanceOptions instanceOptions(const Options &options, std::function<void(Messa
 
 DeviceOptions deviceOptions(const Options &options)
 {
-    const bool emulated = options.vellum && options.micromaps && options.micromapFeature;
+    const std::string quirks = quirksOf(options);
+    const bool ofDriver = includes(quirks, "ext") || includes(quirks, "khr");
+    const bool emulated = options.vellum && options.micromaps && options.micromapFeature && !ofDriver;
     // Without the layer, the test is about the driver, and some drivers write all of a handle's range.
     const bool exact = options.memory == Memory::PackedToTheEnd && !options.vellum;
     return {.api = options.api,

@@ -565,12 +565,12 @@ void runTracing(DeviceTraces &traces, VkCommandBuffer commandBuffer, VkPipelineB
     if (!log)
         return;
     PointBindings &bindings = log->traces.at(point);
-    for (const auto &[stage, code] : bindings.code) {
-        for (const TracingSite &site : code->sites) {
+    for (const auto &[stage, tracing] : bindings.code) {
+        for (const TracingSite &site : tracing->sites) {
             const auto bound = bindings.sets.find(site.binding.set);
             auto set = bound == bindings.sets.end() ? nullptr : bound->second;
             traces.device.logs.add(commandBuffer,
-                                   [&traces, &site, command, code = code, set](const Submission &submission) {
+                                   [&traces, &site, command, code = tracing, set](const Submission &submission) {
                                        useSite(traces, site, set.get(), submission,
                                                {.command = command,
                                                 .code = code->handle,
