@@ -75,9 +75,8 @@ void add(const BakeInput &input, const BakeOptions &options, KeyDigest &key)
     key.addAll(std::span(reinterpret_cast<const float *>(triangles.data()), 6 * triangles.size()));
     key.addAll(levels);
     key.addAll(formats);
-    const auto has = [&](Format format) {
-        return formats.empty() ? options.format == format
-                               : std::find(formats.begin(), formats.end(), format) != formats.end();
+    const auto has = [&options, given = formats](Format format) {
+        return given.empty() ? options.format == format : std::find(given.begin(), given.end(), format) != given.end();
     };
     if (has(Format::TwoState))
         key.add(options.twoStateRule);
