@@ -143,6 +143,11 @@ const std::map<std::string, Change> kChanges = {
     {"maxLevel", [](Bake &b, TestRandom &r) { b.options.maxLevel = r() % 4; }},
     {"texelsPerEdge", [](Bake &b, TestRandom &r) { b.options.texelsPerEdge = r.uniform(1, 20); }},
     {"budget", [](Bake &b, TestRandom &r) { b.options.budget = r() % 300; }},
+    {"leastKnown",
+     [](Bake &b, TestRandom &) {
+         b.options.budget.reset();
+         b.options.leastKnown = 0; // more may be impossible
+     }},
     {"emptyGroupBytes", [](Bake &b, TestRandom &r) { b.options.emptyGroupBytes = r() % 200; }},
     {"minKnown", [](Bake &b, TestRandom &r) { b.options.minKnown = r.uniform(0.1, 1); }},
     {"disallowMixedSpecialIndices", [](Bake &b, TestRandom &) { b.options.disallowMixedSpecialIndices = true; }},
