@@ -51,9 +51,9 @@ constexpr uint32_t packedBytes(uint32_t level, Format format)
     return (bits + 7) / 8;
 }
 
-// By this factor the micro-triangles of an automatic level may be larger than squares of the length asked for. Cards over
-// whole textures, whose sizes are powers of two or small multiples of them, are then far from where a level ends: rounded
-// coordinates (quantization) do not raise it. Exact in single precision.
+// By this factor the micro-triangles of an automatic level may be larger than squares of the length asked for. Cards
+// over whole textures, whose sizes are powers of two or small multiples of them, are then far from where a level ends:
+// rounded coordinates (quantization) do not raise it. Exact in single precision.
 inline constexpr float kLevelSlack = 23.0f / 16;
 
 // Reads state `index` (0..4^level - 1) of packed data. A 2-state bit reads as Transparent or Opaque.

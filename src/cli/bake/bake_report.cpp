@@ -76,8 +76,8 @@ std::string summary(const BakeFileReport &file)
     size_t triangles = 0;
     for (const BakedReport &primitive : file.primitives)
         triangles += primitive.triangles;
-    const std::string share = file.surface ? describe(*file.surface)
-                                           : percent(knownShare(file.primitives)) + " of triangles are known";
+    const std::string share =
+        file.surface ? describe(*file.surface) : percent(knownShare(file.primitives)) + " of triangles are known";
     std::string text = file.primitives.empty()
                            ? std::string(file.written ? "nothing to bake" : "nothing to bake, not written")
                            : fmt::format("{}; {} of micromaps, {}, {}", share, counted(micromapBytes(file), "byte"),
