@@ -40,9 +40,10 @@ public:
         return {member->value.GetString(), member->value.GetStringLength()};
     }
     // Empty if there is no such member.
-    [[nodiscard]] std::string textOr(const char *name) const
+    [[nodiscard]] std::string textOr(const char *name) const { return textOr(document_, name); }
+    static std::string textOr(const rapidjson::Value &object, const char *name)
     {
-        return document_.HasMember(name) ? textOf(document_, name) : std::string();
+        return object.HasMember(name) ? textOf(object, name) : std::string();
     }
     [[nodiscard]] uint64_t hexNumber(const char *name) const
     {

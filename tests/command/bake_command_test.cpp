@@ -673,7 +673,7 @@ TEST(BakeCommand, ReplacesOnlyItsOwnOutputs)
                                            "--exclude-material", "*", "--level", name});
         EXPECT_EQ(removed.exitCode, 0) << removed.errors;
     }
-    // A copy of the input that someone else made is none of a file that is lost.
+    // vellum replaces its own outputs only, not a copy of the input that another program made.
     fs::copy_file(plain, folder / "twin.glb");
     EXPECT_EQ(runVellum({"bake", plain, (folder / "twin.glb").string(), "--copy"}).exitCode, 0);
     writeFile(folder / "twin.glb", other);

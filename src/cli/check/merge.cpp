@@ -33,11 +33,6 @@ double numberOf(const rapidjson::Value &object, const char *name)
     return member->value.GetDouble();
 }
 
-std::string textOr(const rapidjson::Value &object, const char *name)
-{
-    return object.HasMember(name) ? JsonReader::textOf(object, name) : std::string();
-}
-
 CaseResult caseOf(const rapidjson::Value &object)
 {
     const std::string name = JsonReader::textOf(object, "case");
@@ -50,7 +45,7 @@ CaseResult caseOf(const rapidjson::Value &object)
                       .verdict = *verdict,
                       .seconds = numberOf(object, "seconds"),
                       .rays = static_cast<uint64_t>(numberOf(object, "rays"))};
-    if (const std::string cause = textOr(object, "cause"); !cause.empty())
+    if (const std::string cause = JsonReader::textOr(object, "cause"); !cause.empty())
         result.details = std::make_shared<CaseResult::Details>(CaseResult::Details{cause, {}, {}});
     return result;
 }
@@ -61,7 +56,7 @@ std::map<std::string, std::string> detailsOf(const JsonReader &json)
     std::map<std::string, std::string> details;
     for (const char *list : {"failures", "flakes"})
         json.forEach(list, [&](const rapidjson::Value &cause) {
-            details[JsonReader::textOf(cause, "case")] = textOr(cause, "detail");
+            details[JsonReader::textOf(cause, "case")] = JsonReader::textOr(cause, "detail");
         });
     return details;
 }

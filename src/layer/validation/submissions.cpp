@@ -9,12 +9,23 @@
 namespace vellum::layer
 {
 
-void reportCompleted(DeviceValidation &device, bool idle)
+namespace
 {
-    device.logs.settle(); // the application may destroy now what submissions use whose effects have not happened yet
+
+// What shaders have found so far.
+void reportFindings(DeviceValidation &device, bool idle)
+{
     device.gpu.report(idle);
     device.traces.marks.report(device, idle);
     device.traces.traced.report(device);
+}
+
+} // namespace
+
+void reportCompleted(DeviceValidation &device, bool idle)
+{
+    device.logs.settle(); // the application may destroy now what submissions use whose effects have not happened yet
+    reportFindings(device, idle);
     const HeldMessages held;
     const std::lock_guard lock(device.logs.submissions);
     device.traces.pending.forgetComplete(device, device.pendingBatches());
@@ -117,9 +128,7 @@ template <typename Submit, typename Next, typename StepsOfBatch>
 VkResult submit(DeviceValidation &device, VkQueue queue, std::span<const Submit> batches, VkFence fence, Next next,
                 StepsOfBatch stepsOfBatch)
 {
-    device.gpu.report(false);
-    device.traces.marks.report(device, false);
-    device.traces.traced.report(device);
+    reportFindings(device, false);
     std::vector<std::vector<SharedSteps>> steps;
     for (const Submit &batch : batches)
         steps.push_back(stepsOfBatch(batch));

@@ -172,6 +172,23 @@ const VkTimelineSemaphoreSubmitInfo *valuesOf(const Batch &submit)
     return findInChain<VkTimelineSemaphoreSubmitInfo>(submit.pNext, VK_STRUCTURE_TYPE_TIMELINE_SEMAPHORE_SUBMIT_INFO);
 }
 
+// `stages`: null where there are none.
+template <typename Batch>
+std::vector<SemaphoreUse> waitsIn(const DeviceSync &sync, const Batch &batch, const VkPipelineStageFlags *stages)
+{
+    const auto *values = valuesOf(batch);
+    return usesOf(sync, batch.waitSemaphoreCount, batch.pWaitSemaphores, stages,
+                  values ? values->waitSemaphoreValueCount : 0, values ? values->pWaitSemaphoreValues : nullptr);
+}
+
+template <typename Batch>
+std::vector<SemaphoreUse> signalsIn(const DeviceSync &sync, const Batch &batch)
+{
+    const auto *values = valuesOf(batch);
+    return usesOf(sync, batch.signalSemaphoreCount, batch.pSignalSemaphores, nullptr,
+                  values ? values->signalSemaphoreValueCount : 0, values ? values->pSignalSemaphoreValues : nullptr);
+}
+
 } // namespace
 
 void recordBarriers(DeviceSync &sync, VkCommandBuffer commandBuffer, const VkDependencyInfo &info)
@@ -224,9 +241,7 @@ void recordWait(DeviceSync &sync, VkCommandBuffer commandBuffer, uint32_t count,
 
 std::vector<SemaphoreUse> waitsOf(const DeviceSync &sync, const VkSubmitInfo &submit)
 {
-    const auto *values = valuesOf(submit);
-    return usesOf(sync, submit.waitSemaphoreCount, submit.pWaitSemaphores, submit.pWaitDstStageMask,
-                  values ? values->waitSemaphoreValueCount : 0, values ? values->pWaitSemaphoreValues : nullptr);
+    return waitsIn(sync, submit, submit.pWaitDstStageMask);
 }
 
 std::vector<SemaphoreUse> waitsOf(const DeviceSync &sync, const VkSubmitInfo2 &submit)
@@ -234,25 +249,19 @@ std::vector<SemaphoreUse> waitsOf(const DeviceSync &sync, const VkSubmitInfo2 &s
     return usesOf(sync, submit.waitSemaphoreInfoCount, submit.pWaitSemaphoreInfos);
 }
 
-std::vector<SemaphoreUse> signalsOf(const DeviceSync &sync, const VkSubmitInfo &submit)
-{
-    const auto *values = valuesOf(submit);
-    return usesOf(sync, submit.signalSemaphoreCount, submit.pSignalSemaphores, nullptr,
-                  values ? values->signalSemaphoreValueCount : 0, values ? values->pSignalSemaphoreValues : nullptr);
-}
-
 std::vector<SemaphoreUse> waitsOf(const DeviceSync &sync, const VkBindSparseInfo &bind)
 {
-    const auto *values = valuesOf(bind);
-    return usesOf(sync, bind.waitSemaphoreCount, bind.pWaitSemaphores, nullptr,
-                  values ? values->waitSemaphoreValueCount : 0, values ? values->pWaitSemaphoreValues : nullptr);
+    return waitsIn(sync, bind, nullptr);
+}
+
+std::vector<SemaphoreUse> signalsOf(const DeviceSync &sync, const VkSubmitInfo &submit)
+{
+    return signalsIn(sync, submit);
 }
 
 std::vector<SemaphoreUse> signalsOf(const DeviceSync &sync, const VkBindSparseInfo &bind)
 {
-    const auto *values = valuesOf(bind);
-    return usesOf(sync, bind.signalSemaphoreCount, bind.pSignalSemaphores, nullptr,
-                  values ? values->signalSemaphoreValueCount : 0, values ? values->pSignalSemaphoreValues : nullptr);
+    return signalsIn(sync, bind);
 }
 
 std::vector<SemaphoreUse> signalsOf(const DeviceSync &sync, const VkSubmitInfo2 &submit)
