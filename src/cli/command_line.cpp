@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 
 #include "base/error.h"
 #include "base/version.h"
@@ -90,6 +91,17 @@ std::string messageOf(const CLI::App &app, const CLI::ParseError &error)
     return text + " (see " + name + " --help)";
 }
 
+// CLI11 2.6 passes over a variable whose value the option does not take.
+void rejectVariablesPassedOver(const CLI::App &command)
+{
+    for (const CLI::Option *option : command.get_options()) {
+        const char *value = option->get_envname().empty() ? nullptr : std::getenv(option->get_envname().c_str());
+        if (value != nullptr && *value != '\0' && option->count() == 0)
+            throw UsageError(option->get_envname() + " has a value that " + option->get_name() + " does not take, " +
+                             value + " (see vellum " + command.get_name() + " --help)");
+    }
+}
+
 std::string versionAndLimits()
 {
     std::string text = "vellum " + versionText();
@@ -147,7 +159,9 @@ int runCommandLine(const std::vector<std::string> &words)
     } catch (const CLI::ParseError &error) {
         throw UsageError(messageOf(app, error));
     }
-    return commands.at(app.get_subcommands().front()->get_name())();
+    const CLI::App &command = *app.get_subcommands().front();
+    rejectVariablesPassedOver(command);
+    return commands.at(command.get_name())();
 }
 
 } // namespace vellum::cli

@@ -161,8 +161,17 @@ TEST(Loops, LineNumbersDoNotMatter)
 TEST(Queries, KeepTheIndexInSpiteOfDebugInformation)
 {
     const std::string get = "%x = OpRayQueryGetIntersectionInstanceCustomIndexKHR %int %q %i0\nOpStore %var %u1\n";
+    const std::string declarations = "%source = OpExtInst %void %set 35 %name\n"
+                                     "%unit = OpExtInst %void %set 1 %u1 %u1 %source %u2\n"
+                                     "%type = OpExtInst %void %set 2 %name %u0 %u0 %u0\n"
+                                     "%local = OpExtInst %void %set 26 %name %type %source %u1 %u1 %unit %u0\n"
+                                     "%expression = OpExtInst %void %set 31\n";
     const auto variables = [&](const std::string &set) {
-        std::string text = moduleText("%p = OpRayQueryProceedKHR %bool %q\n%d = OpExtInst %void %set 28 %q\n" + get);
+        std::string text = moduleText("%p = OpRayQueryProceedKHR %bool %q\n"
+                                      "%d = OpExtInst %void %set 28 %local %q %expression\n" +
+                                          get,
+                                      declarations);
+        text.replace(text.find("OpName"), 0, "%name = OpString \"q\"\n");
         text.replace(text.find("OpMemoryModel"), 0,
                      "OpExtension \"SPV_KHR_non_semantic_info\"\n%set = OpExtInstImport \"" + set + "\"\n");
         return count(disassemble(rewriteValid(assemble(text))), "OpVariable %_ptr_Function_uint Function");

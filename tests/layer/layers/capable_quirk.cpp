@@ -8,6 +8,7 @@
 #include "layers/driver.h"
 
 #include <cstring>
+#include <map>
 #include <vector>
 
 namespace
@@ -105,6 +106,58 @@ driver::LevelRows driver::indirectBuildRows()
     static const Row instance[]{
         {"vkCreateDevice", DRIVER_FUNCTION(createDevice)},
         {"vkGetPhysicalDeviceFeatures2", DRIVER_FUNCTION(getFeatures2)},
+    };
+    return {device, instance};
+}
+
+// --- of every mock driver: commands of features that are not enabled, which wrong programs record. Lavapipe 25 does
+// nothing then, lavapipe 26 ends the process. ---
+
+namespace
+{
+
+std::mutex mutex;
+std::map<void *, bool> buildsIndirectly; // by the dispatch key of the device
+
+VKAPI_ATTR VkResult VKAPI_CALL rememberFeatures(VkPhysicalDevice handle, const VkDeviceCreateInfo *info,
+                                                const VkAllocationCallbacks *allocator, VkDevice *device)
+{
+    const auto *features = inChain<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
+        info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR);
+    const bool indirectly = features != nullptr && features->accelerationStructureIndirectBuild != VK_FALSE;
+    const VkResult result =
+        next<PFN_vkCreateDevice>(Level::Unsupported, keyOf(handle), "vkCreateDevice")(handle, info, allocator, device);
+    if (result == VK_SUCCESS) {
+        std::lock_guard lock(mutex);
+        buildsIndirectly[keyOf(*device)] = indirectly;
+    }
+    return result;
+}
+
+VKAPI_ATTR void VKAPI_CALL buildIndirectIfEnabled(VkCommandBuffer handle, uint32_t count,
+                                                  const VkAccelerationStructureBuildGeometryInfoKHR *infos,
+                                                  const VkDeviceAddress *addresses, const uint32_t *strides,
+                                                  const uint32_t *const *most)
+{
+    {
+        std::lock_guard lock(mutex);
+        if (!buildsIndirectly[keyOf(handle)])
+            return;
+    }
+    next<PFN_vkCmdBuildAccelerationStructuresIndirectKHR>(
+        Level::Unsupported, keyOf(handle), "vkCmdBuildAccelerationStructuresIndirectKHR")(handle, count, infos,
+                                                                                          addresses, strides, most);
+}
+
+} // namespace
+
+driver::LevelRows driver::unsupportedRows()
+{
+    static const Row device[]{
+        {"vkCmdBuildAccelerationStructuresIndirectKHR", DRIVER_FUNCTION(buildIndirectIfEnabled)},
+    };
+    static const Row instance[]{
+        {"vkCreateDevice", DRIVER_FUNCTION(rememberFeatures)},
     };
     return {device, instance};
 }

@@ -41,6 +41,7 @@ enum class Level {
     Replay,
     IndirectBuilds,
     Garbage,
+    Unsupported,
     // of the faulty driver (faulty_driver/faults.h)
     Process,
     Shaders,
@@ -85,6 +86,7 @@ LevelRows addressRows();
 LevelRows replayRows();
 LevelRows indirectBuildRows();
 LevelRows garbageRows();
+LevelRows unsupportedRows();
 
 struct Quirk {
     const char *name;

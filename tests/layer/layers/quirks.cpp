@@ -99,6 +99,7 @@ std::span<const NamedLevel> allLevels()
 #endif
         {Level::IndirectBuilds, indirectBuildRows()},
         {Level::Garbage, garbageRows()},
+        {Level::Unsupported, unsupportedRows(), /* always */ true},
     };
     return all;
 }
