@@ -177,7 +177,7 @@ TEST(Queries, KeepTheIndexInSpiteOfDebugInformation)
         return count(disassemble(rewriteValid(assemble(text))), "OpVariable %_ptr_Function_uint Function");
     };
     const size_t others = variables("NonSemantic.Other"); // of unknown effect
-    EXPECT_EQ(variables("NonSemantic.Shader.DebugInfo.9"), others + 1);
+    EXPECT_EQ(variables("NonSemantic.Shader.DebugInfo.100"), others + 1);
 }
 
 TEST(Declarations, MicromapDeclarationsAreRemoved)

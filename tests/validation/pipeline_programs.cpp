@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Wrong pipelines, shader objects and shader modules.
+#include <algorithm>
+
 #include "gpu/execution_mode.h"
 #include "gpu/pipeline_builder.h"
 #include "gpu/programs/graphics.h"
@@ -190,7 +192,11 @@ void shaderWithPromise(Gpu &gpu, bool wrong)
 void flagWithoutCapability(Gpu &gpu, bool wrong)
 {
     const std::vector<uint32_t> right = withMode(withMicromapFlag(tracer_two_states), Mode::True);
-    const std::vector<uint32_t> without = withMode(tracer_two_states, Mode::True);
+    std::vector<uint32_t> without = withMode(tracer_two_states, Mode::True);
+    // glslang 16 declares it where the source enables GL_EXT_opacity_micromap.
+    constexpr uint32_t kCapability[] = {2u << 16 | 17, 5381}; // OpCapability RayTracingOpacityMicromapKHR
+    if (const auto declared = std::ranges::search(without, kCapability); !declared.empty())
+        declared[1] = 1; // Shader, once more
     vkDestroyShaderModule(gpu.device(), moduleOf(gpu, wrong ? without : right), nullptr);
 }
 
