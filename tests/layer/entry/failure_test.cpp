@@ -265,7 +265,30 @@ TEST_F(Failures, CopiesOfStructures)
     EXPECT_EQ(seen(gpu(), topCopy, Patchwork::rays()), expected);
 }
 
-TEST_F(Failures, Serialization)
+TEST_F(Failures, QueryPools)
+{
+    hasOtherPath_ = true;
+    failEach([&](const WhileItFails &whileItFails) {
+        auto info =
+            vkInit<VkQueryPoolCreateInfo>({.queryType = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR});
+        info.queryCount = 3u << 20; // more than there is memory for at first, each time
+        VkQueryPool pool = VK_NULL_HANDLE;
+        VkResult result = VK_SUCCESS;
+        whileItFails([&] { result = vkCreateQueryPool(gpu().device(), &info, nullptr, &pool); });
+        if (result == VK_SUCCESS)
+            vkDestroyQueryPool(gpu().device(), pool, nullptr);
+        return result == VK_SUCCESS;
+    });
+}
+
+class FailuresUnvalidated : public Failures
+{
+protected:
+    FailuresUnvalidated() : Failures({.validation = false, .quirks = "failures"}) {}
+};
+
+// Khronos' layer 1.4.363 crashes where it cannot map what is deserialized.
+TEST_F(FailuresUnvalidated, Serialization)
 {
     const Patchwork patchwork(gpu());
     const Blas source(gpu(), patchwork.geometries());
@@ -295,28 +318,6 @@ TEST_F(Failures, Serialization)
     });
     EXPECT_EQ(seenOf(gpu(), restored), expected);
 }
-
-TEST_F(Failures, QueryPools)
-{
-    hasOtherPath_ = true;
-    failEach([&](const WhileItFails &whileItFails) {
-        auto info =
-            vkInit<VkQueryPoolCreateInfo>({.queryType = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR});
-        info.queryCount = 3u << 20; // more than there is memory for at first, each time
-        VkQueryPool pool = VK_NULL_HANDLE;
-        VkResult result = VK_SUCCESS;
-        whileItFails([&] { result = vkCreateQueryPool(gpu().device(), &info, nullptr, &pool); });
-        if (result == VK_SUCCESS)
-            vkDestroyQueryPool(gpu().device(), pool, nullptr);
-        return result == VK_SUCCESS;
-    });
-}
-
-class FailuresUnvalidated : public Failures
-{
-protected:
-    FailuresUnvalidated() : Failures({.validation = false, .quirks = "failures"}) {}
-};
 
 // Recorded work is lost with the device, and everything can be destroyed.
 TEST_F(FailuresUnvalidated, DeviceLost)

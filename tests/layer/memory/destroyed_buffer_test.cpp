@@ -260,6 +260,8 @@ TEST_F(DestroyedBuffersByAddress, WhoseMemoryIsFreedBeforeAStructure)
     vkDestroyBuffer(gpu().device(), buffer, nullptr);
     auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = structure});
     EXPECT_NE(gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &query), 0u);
+    for (const Message &m : gpu().takeUnexpectedMessages())
+        EXPECT_EQ(m.id, "VUID-vkGetAccelerationStructureDeviceAddressKHR-pInfo-09541");
     gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), structure, nullptr);
 }
 

@@ -219,8 +219,12 @@ protected:
             if (stage >= kDecoyStages)
                 plan[below(plan.size())].stages.push_back(stage);
         }
-        for (Part &part : plan)
+        for (Part &part : plan) {
+            if (part.stages.empty() &&
+                part.libraries.empty()) // VUID-VkRayTracingPipelineCreateInfoKHR-pLibraryInfo-07999
+                part.stages.push_back(kDecoyStages);
             std::shuffle(part.stages.begin(), part.stages.end(), random);
+        }
         // Puts each group into a random part that has all its stages.
         const std::vector<std::vector<uint32_t>> stagesOfGroups{
             {kRaygen},

@@ -65,10 +65,13 @@ VkPipelineShaderStageModuleIdentifierCreateInfoEXT nameOf(const Identifier &iden
         {.identifierSize = static_cast<uint32_t>(identifier.size()), .pIdentifier = identifier.data()});
 }
 
-VkComputePipelineCreateInfo computeInfo(VkPipelineLayout layout, const void *stageChain)
+constexpr VkPipelineCreateFlags kOnlyKnown = VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT;
+
+VkComputePipelineCreateInfo computeInfo(VkPipelineLayout layout, const void *stageChain,
+                                        VkPipelineCreateFlags flags = kOnlyKnown)
 {
     return vkInit<VkComputePipelineCreateInfo>(
-        {.flags = VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT,
+        {.flags = flags,
          .stage = vkInit<VkPipelineShaderStageCreateInfo>(
              {.pNext = stageChain, .stage = VK_SHADER_STAGE_COMPUTE_BIT, .pName = "main"}),
          .layout = layout});
@@ -282,9 +285,10 @@ TEST_F(KeptIdentifiers, InKeysAndCaches)
 {
     Identifier query;
     const auto capture = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = kCaptureData});
+    const auto captureKnown = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = kCaptureData | kOnlyKnown});
     const auto byCode = [&capture](const Gpu &gpu, const Tracer &tracer, auto use) {
         const VkShaderModule module = gpu.shader(tracer_comp);
-        VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), nullptr);
+        VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), nullptr, 0);
         info.pNext = &capture;
         info.stage.module = module;
         use(info);
@@ -305,8 +309,8 @@ TEST_F(KeptIdentifiers, InKeysAndCaches)
         Gpu gpu(cachingDriver());
         const Tracer tracer(gpu);
         Binaries binaries(gpu);
-        VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), &name);
-        info.pNext = &capture;
+        VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), &name, 0);
+        info.pNext = &captureKnown;
         bool found = false;
         if (cache) {
             found = binaries.fromCache(&info) != nullptr;
@@ -327,7 +331,7 @@ TEST_F(KeptIdentifiers, InKeysAndCaches)
 // A driver that has no binary for the first way to read the identifier writes that it has written none.
 TEST_F(KeptIdentifiers, FromTheCacheWithoutACountQuery)
 {
-    const auto capture = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = kCaptureData});
+    const auto capture = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = kCaptureData | kOnlyKnown});
     Identifier query;
     {
         Gpu gpu(cachingDriver());
@@ -338,7 +342,7 @@ TEST_F(KeptIdentifiers, FromTheCacheWithoutACountQuery)
     Gpu gpu(cachingDriver());
     const Tracer tracer(gpu);
     const auto name = nameOf(query);
-    VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), &name);
+    VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), &name, 0);
     info.pNext = &capture;
     Binaries binaries(gpu);
     const VkPipelineBinaryKHR binary = binaries.fromCacheAtOnce(&info);
