@@ -52,7 +52,7 @@ constexpr std::array<OfDriver, 8> kOfDrivers{{
      kMesa26,
      kNotFixed},
     // Mesa 25.0 builds on the CPU. Later ones build as RADV does (vk_acceleration_structure.c), which is right in
-    // these.
+    // these two.
     {{Fault::FirstVertexIgnored, "builds ignore firstVertex", "it is 0"}, VK_DRIVER_ID_MESA_LLVMPIPE, 0, kMesa26},
     {{Fault::FourthComponentTransformed,
       "transformData moves vertices by as much as their fourth component, which is to be ignored, says",
@@ -60,11 +60,13 @@ constexpr std::array<OfDriver, 8> kOfDrivers{{
      VK_DRIVER_ID_MESA_LLVMPIPE,
      0,
      kMesa26},
-    {{Fault::InactiveHideOthers, "inactive triangles and AABBs hide others of their structure",
+    // Mesa 26.1.6 leaves their nodes as the memory was.
+    {{Fault::InactiveHideOthers,
+      "inactive triangles and AABBs hide others of their structure, are met, or crash shaders that trace",
       "degenerate ones are in their place"},
      VK_DRIVER_ID_MESA_LLVMPIPE,
      0,
-     kMesa26},
+     kNotFixed},
 }};
 
 struct OfLayer {

@@ -205,7 +205,7 @@ void addSolid(Random &random, std::vector<Vec3> &vertices, uint32_t triangles)
 }
 
 // Some triangles become degenerate, or inactive where the format has NaN.
-void spoil(Random &random, std::vector<Vec3> &vertices, const MeshLayout &layout)
+void spoil(Random &random, std::vector<Vec3> &vertices, const MeshLayout &layout, const Limits &limits)
 {
     for (size_t t = 0; t + 2 < vertices.size(); t += 3) {
         Vec3 *const corners = &vertices[t];
@@ -220,7 +220,7 @@ void spoil(Random &random, std::vector<Vec3> &vertices, const MeshLayout &layout
             break;
         case 3:
         case 4:
-            if (vertexFormat(layout.vertexFormat).isFloat())
+            if (limits.inactive && vertexFormat(layout.vertexFormat).isFloat())
                 corners[corner][0] = std::numeric_limits<float>::quiet_NaN();
             break;
         default: break;
@@ -228,7 +228,8 @@ void spoil(Random &random, std::vector<Vec3> &vertices, const MeshLayout &layout
     }
 }
 
-std::vector<Vec3> randomVertices(Random &random, uint32_t triangles, const MeshLayout &layout, bool unusual)
+std::vector<Vec3> randomVertices(Random &random, uint32_t triangles, const MeshLayout &layout, bool unusual,
+                                 const Limits &limits)
 {
     const VertexFormat format = vertexFormat(layout.vertexFormat);
     std::vector<Vec3> vertices;
@@ -247,11 +248,11 @@ std::vector<Vec3> randomVertices(Random &random, uint32_t triangles, const MeshL
         vertex = quantized(layout.vertexFormat, vertex);
     }
     if (unusual)
-        spoil(random, vertices, layout);
+        spoil(random, vertices, layout, limits);
     return vertices;
 }
 
-std::vector<VkAabbPositionsKHR> randomBoxes(Random &random, uint32_t count, bool unusual)
+std::vector<VkAabbPositionsKHR> randomBoxes(Random &random, uint32_t count, bool mayBeInactive)
 {
     std::vector<VkAabbPositionsKHR> boxes;
     for (uint32_t i = 0; i < count; ++i) {
@@ -259,7 +260,7 @@ std::vector<VkAabbPositionsKHR> randomBoxes(Random &random, uint32_t count, bool
         const float size = between(random, 0.1f, 0.7f);
         boxes.push_back({centre[0] - size, centre[1] - size, centre[2] - size, centre[0] + size, centre[1] + size,
                          centre[2] + size});
-        if (unusual && chance(random, 15))
+        if (mayBeInactive && chance(random, 15))
             boxes.back().minX = std::numeric_limits<float>::quiet_NaN();
     }
     return boxes;
@@ -274,10 +275,10 @@ Mesh randomMesh(Random &random, Scene &scene, bool boxes, uint32_t most, const L
     if (unusual)
         mesh.layout = boxes ? boxLayout(random) : triangleLayout(random, limits);
     if (boxes) {
-        mesh.boxes = randomBoxes(random, count, unusual);
+        mesh.boxes = randomBoxes(random, count, unusual && limits.inactive);
         return mesh;
     }
-    mesh.vertices = randomVertices(random, count, mesh.layout, unusual);
+    mesh.vertices = randomVertices(random, count, mesh.layout, unusual, limits);
     if (limits.micromaps && chance(random, 75)) {
         // A micromap with an entry for each triangle and some more, of which a base may skip some; or one that other
         // meshes use as well.

@@ -26,6 +26,7 @@ struct Limits {
     uint32_t boxes = 20;      // of 100 objects, how many are of boxes
     // The percentage of meshes with an unusual memory layout, and the vertex formats that they may have.
     uint32_t unusual = 0;
+    bool inactive = true; // some triangles and AABBs of unusual meshes are inactive
     std::vector<VkFormat> formats = {VK_FORMAT_R32G32B32_SFLOAT};
 };
 
