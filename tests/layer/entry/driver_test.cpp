@@ -44,6 +44,7 @@ void nameMicromap(Api api)
 {
     // The validation layer has its own ideas about handles that it does not know.
     Gpu gpu(Options{.validation = false, .api = api, .debugMarker = true});
+    const bool hasMarkers = gpu.has(VK_EXT_DEBUG_MARKER_EXTENSION_NAME);
     MicromapInput input;
     input.add(1, kFourState, std::vector<uint8_t>(4, 1));
     const Micromap micromap(gpu, input);
@@ -62,14 +63,16 @@ void nameMicromap(Api api)
         auto tag = vkInit<VkDebugUtilsObjectTagInfoEXT>(
             {.objectType = kind, .objectHandle = handle, .tagSize = 1, .pTag = "x"});
         function(PFN_vkSetDebugUtilsObjectTagEXT{}, "vkSetDebugUtilsObjectTagEXT")(gpu.device(), &tag);
-        auto marker = vkInit<VkDebugMarkerObjectNameInfoEXT>();
-        marker.objectType = static_cast<VkDebugReportObjectTypeEXT>(kind); // both enumerations have the same values
-        marker.object = handle;
-        marker.pObjectName = "leaves";
-        function(PFN_vkDebugMarkerSetObjectNameEXT{}, "vkDebugMarkerSetObjectNameEXT")(gpu.device(), &marker);
-        auto markerTag = vkInit<VkDebugMarkerObjectTagInfoEXT>(
-            {.objectType = marker.objectType, .object = handle, .tagSize = 1, .pTag = "x"});
-        function(PFN_vkDebugMarkerSetObjectTagEXT{}, "vkDebugMarkerSetObjectTagEXT")(gpu.device(), &markerTag);
+        if (hasMarkers) {
+            auto marker = vkInit<VkDebugMarkerObjectNameInfoEXT>();
+            marker.objectType = static_cast<VkDebugReportObjectTypeEXT>(kind); // both enumerations have the same values
+            marker.object = handle;
+            marker.pObjectName = "leaves";
+            function(PFN_vkDebugMarkerSetObjectNameEXT{}, "vkDebugMarkerSetObjectNameEXT")(gpu.device(), &marker);
+            auto markerTag = vkInit<VkDebugMarkerObjectTagInfoEXT>(
+                {.objectType = marker.objectType, .object = handle, .tagSize = 1, .pTag = "x"});
+            function(PFN_vkDebugMarkerSetObjectTagEXT{}, "vkDebugMarkerSetObjectTagEXT")(gpu.device(), &markerTag);
+        }
         auto slotInfo = vkInit<VkPrivateDataSlotCreateInfo>();
         VkPrivateDataSlot slot = VK_NULL_HANDLE;
         VT_CHECK(vkCreatePrivateDataSlot(gpu.device(), &slotInfo, nullptr, &slot));
@@ -84,6 +87,8 @@ void nameMicromap(Api api)
     set(VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(blas.handle()));
     for (const Message &m : gpu.takeUnexpectedMessages())
         ADD_FAILURE() << m.id << ": " << m.text;
+    if (!hasMarkers)
+        return;
     // The spy would have reported it.
     const auto unknown = reinterpret_cast<uint64_t>(&gpu);
     auto marker = vkInit<VkDebugMarkerObjectNameInfoEXT>(

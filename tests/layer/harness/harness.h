@@ -54,7 +54,7 @@ struct Options {
     bool fewFeatures = false;  // vellum::gpu::DeviceOptions::fewFeatures
     bool validate = false;     // the layer's setting
     bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
-    bool debugMarker = false;  // VK_EXT_debug_marker, which the spy has
+    bool debugMarker = false;  // VK_EXT_debug_marker, where a layer offers it
     bool maintenance = false;  // VK_KHR_ray_tracing_maintenance1
     bool newer = false; // extensions for ray tracing pipelines that the oldest supported headers do not know, and
                         // the validation layer of that age reports as errors: see oldValidation
