@@ -141,12 +141,12 @@ BakeResult bake(std::span<const BakeInput> inputs, const BakeOptions &options)
         }
         if (buffer.size() < bytes)
             buffer.resize(bytes);
-        inParallel<Material::Scratch>(threads, batch.size(), options.cancelled,
-                                      [&](size_t i, Material::Scratch &scratch) {
-                                          batch[i].data = buffer.data() + offsets[i];
-                                          pack(distinct.triangles[begin + i], options, batch[i], scratch);
-                                          progress.done(distinct.triangles[begin + i].uses);
-                                      });
+        inParallel<BakeMaterial::Scratch>(threads, batch.size(), options.cancelled,
+                                          [&](size_t i, BakeMaterial::Scratch &scratch) {
+                                              batch[i].data = buffer.data() + offsets[i];
+                                              pack(distinct.triangles[begin + i], options, batch[i], scratch);
+                                              progress.done(distinct.triangles[begin + i].uses);
+                                          });
         for (size_t i = 0; i < batch.size(); ++i) {
             const Packed &packed = batch[i];
             const Distinct &triangle = distinct.triangles[begin + i];

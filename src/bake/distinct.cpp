@@ -102,14 +102,14 @@ uint32_t DistinctTriangles::materialOf(const BakeInput &input, const BakeOptions
     for (size_t i = 0; i < materials_.size(); ++i)
         if (materials_[i]->isOf(input, options))
             return static_cast<uint32_t>(i);
-    materials_.push_back(std::make_unique<Material>(input, options));
+    materials_.push_back(std::make_unique<BakeMaterial>(input, options));
     return static_cast<uint32_t>(materials_.size() - 1);
 }
 
 void DistinctTriangles::add(const BakeInput &input, const BakeOptions &options)
 {
     const uint32_t which = materialOf(input, options);
-    const Material &material = *materials_[which];
+    const BakeMaterial &material = *materials_[which];
     for (size_t i = 0; i < input.triangles.size(); ++i) {
         const TriangleUvs &uvs = input.triangles[i];
         const Format format = input.formats.empty() ? options.format : input.formats[i];
@@ -144,7 +144,7 @@ bool isTooLittle(uint64_t known, uint32_t level, Format format, const BakeOption
            static_cast<double>(known) < options.minKnown * static_cast<double>(all);
 }
 
-void pack(const Distinct &triangle, const BakeOptions &options, Packed &packed, Material::Scratch &scratch)
+void pack(const Distinct &triangle, const BakeOptions &options, Packed &packed, BakeMaterial::Scratch &scratch)
 {
     std::fill_n(packed.data, triangle.classifiedBytes(), uint8_t{0});
     triangle.material->classify(*triangle.uvs, triangle.level + triangle.folds, packed.data, scratch);

@@ -30,10 +30,10 @@ void inParallel(unsigned threads, size_t count, const std::function<bool()> &can
 }
 
 // One mip chain with a cutoff.
-class Material
+class BakeMaterial
 {
 public:
-    Material(const BakeInput &input, const BakeOptions &options)
+    BakeMaterial(const BakeInput &input, const BakeOptions &options)
         : source_(input.textures), cutoff_(input.cutoff.value_or(options.cutoff)), uvTerms_(input.uvTerms),
           options_(options), swapped_(options.test == AlphaTest::Less || options.test == AlphaTest::Greater)
     {
@@ -93,7 +93,7 @@ private:
 
 // A triangle that is different from all before it.
 struct Distinct {
-    const Material *material;
+    const BakeMaterial *material;
     const TriangleUvs *uvs;
     uint32_t level;
     uint32_t folds; // levels that a budget takes from what is classified, `level + folds`
@@ -127,7 +127,7 @@ private:
     uint32_t materialOf(const BakeInput &input, const BakeOptions &options);
     void add(const BakeInput &input, const BakeOptions &options);
 
-    std::vector<std::unique_ptr<Material>> materials_;
+    std::vector<std::unique_ptr<BakeMaterial>> materials_;
     std::vector<DistinctKey> keys_; // of each distinct triangle
     std::vector<uint32_t> slots_;   // by hash: one more than a distinct triangle, or 0
 };
@@ -142,7 +142,7 @@ struct Packed {
 
 // Memory of a thread that classifies triangles one at a time.
 struct PackedScratch {
-    Material::Scratch classifier;
+    BakeMaterial::Scratch classifier;
     std::vector<uint8_t> packed;
 };
 
@@ -150,7 +150,7 @@ struct PackedScratch {
 bool isTooLittle(uint64_t known, uint32_t level, Format format, const BakeOptions &options);
 
 // Classifies a triangle into `packed.data`, which has its classifiedBytes().
-void pack(const Distinct &triangle, const BakeOptions &options, Packed &packed, Material::Scratch &scratch);
+void pack(const Distinct &triangle, const BakeOptions &options, Packed &packed, BakeMaterial::Scratch &scratch);
 
 // The last part of pack(): turns 4-state data, with its counts, into what the format and the options make of it.
 void finish(const Distinct &triangle, const BakeOptions &options, Packed &packed);

@@ -1,7 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Finds names that two sources of one folder define in anonymous namespaces: the preset `user` compiles the sources of a folder
-as one (cmake/unity.cmake), where they would be defined twice. Functions may be overloaded, aliases may mean the same.
+"""Finds names that are defined twice:
+- in the anonymous namespaces of two sources of one folder: the preset `user` compiles the sources of a folder as one
+  (cmake/unity.cmake). Functions may be overloaded, aliases may mean the same.
+- types that two files define in one namespace: a program in which both are takes the functions of one for those of the other,
+  without a word from the linker ([basic.def.odr]).
 
 usage: check_unity.py [ROOT]
 """
@@ -37,6 +40,29 @@ def definitions(text):
                                                      for parameter in found[2].split(","))
 
 
+# What has to be passed over, a namespace, a type with its body, or a brace.
+TOKEN = re.compile(r"""//[^\n]*|/\*.*?\*/|R"(\w*)\(.*?\)\1"|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])+'|^[ \t]*\#(?:[^\n]*\\\n)*[^\n]*
+    |(?P<namespace>\bnamespace\b\s*(?P<of>[\w:]*)\s*\{)
+    |\b(?:enum\s+class|enum|struct|class|union)\s+(?P<type>\w+)\s*(?:final\s*)?(?::(?!:)[^;{}()]*)?\{|[{}]""", re.S | re.M | re.X)
+ANONYMOUS = "(anonymous)"
+
+
+def types(text):
+    """The types that a file defines in named namespaces, with these."""
+    scopes = []  # the name of a namespace, or None for another brace
+    for token in TOKEN.finditer(text):
+        if token["namespace"]:
+            scopes.append(token["of"] or ANONYMOUS)
+        elif token["type"]:
+            if None not in scopes and ANONYMOUS not in scopes:
+                yield "::".join([*scopes, token["type"]])
+            scopes.append(None)
+        elif token[0] == "{":
+            scopes.append(None)
+        elif token[0] == "}" and scopes:
+            scopes.pop()
+
+
 def clashes(first, second):
     if first is None or second is None:
         return True
@@ -60,6 +86,15 @@ def check(root):
                     if other != path and not systems and clashes(detail, its):
                         found.add(f"{folder.relative_to(root)}: {name[2:]} is defined in {other.name} and in {path.name}")
                 defined[name].append((path, detail))
+    having = collections.defaultdict(list)
+    for path in sorted((root / "src").rglob("*")):
+        if path.suffix in (".h", ".cpp"):
+            for name in set(types(path.read_text(encoding="utf-8"))):
+                count += 1
+                having[name].append(path)
+    for name, paths in having.items():
+        if len({SYSTEM.sub("", str(path)) for path in paths}) > 1:
+            found.add(f"{name} is defined in {' and in '.join(str(path.relative_to(root)) for path in paths)}")
     return sorted(found), count
 
 

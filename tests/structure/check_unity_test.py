@@ -48,6 +48,17 @@ class CheckUnity(unittest.TestCase):
         self.assertEqual(run(source("using Kind = A;"), source("using Kind = A;"))[0], 0)
         self.assertEqual(run(source("using Kind = A;"), source("using Kind = B;"))[0], 1)
 
+    def test_types_of_other_folders(self):
+        def defined(line):
+            return f"namespace vellum::part\n{{\n// struct A {{\nclass B;\n{line}\n    struct Inner {{\n    }};\n}};\n}}\n"
+
+        other = "src/other/second.h"
+        self.assertEqual(run(defined("struct A {"), defined("class C final : public D {"), other)[0], 0)
+        code, out = run(defined("struct A {"), defined("class A final : public D {"), other)
+        self.assertEqual(code, 1)
+        self.assertIn("vellum::part::A is defined in src/other/second.h and in src/part/first_posix.cpp", out)
+        self.assertEqual(run(defined("struct A {"), defined("enum class A : int {"), "src/part/first_windows.cpp")[0], 0)
+
     def test_nothing_to_check(self):
         self.assertEqual(run("", "")[0], 1)
 
