@@ -38,6 +38,12 @@ class Pages(unittest.TestCase):
         self.assertEqual(self.check("$ echo took 12 ms at 3; seq 5\ntook ... ms at 3\n1\n...\n5\n")[0], [])
         self.assertEqual(len(self.check("$ echo took 12 ms at 4\ntook ... ms at 3\n")[0]), 1)
 
+    def test_numbers_of_candidates(self):
+        self.assertEqual(self.check("$ echo 'candidates  0.7 per pixel, at most 30'\ncandidates 1.0 per pixel, at most 39\n")[0], [])
+        self.assertEqual(len(self.check("$ echo candidates 0.6\ncandidates 1.0\n")[0]), 1)
+        self.assertEqual(len(self.check("$ echo candidates 1.6\ncandidates 1.0\n")[0]), 1)
+        self.assertEqual(len(self.check("$ echo hits 0.9\nhits 1.0\n")[0]), 1)
+
     def test_commands_share_a_folder(self):
         self.assertEqual(self.check("$ echo one >file\n$ cat file\none\n")[0], [])
 
