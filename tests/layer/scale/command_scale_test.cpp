@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Thousands of command buffers and query pools.
+#include <barrier>
+
 #include "gpu/pipeline_tracer.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
@@ -130,6 +132,7 @@ TEST_F(CommandScale, PoolsComeAndGo)
         VT_CHECK(vkEndCommandBuffer(commands));
     };
     std::vector<std::thread> threads;
+    std::barrier allWarm(4);
     uint64_t warm = 0;
     for (int t = 0; t < 4; ++t) {
         threads.emplace_back([&, t] {
@@ -147,8 +150,11 @@ TEST_F(CommandScale, PoolsComeAndGo)
                 VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &info, buffers));
                 for (const VkCommandBuffer commands : buffers)
                     record(commands);
-                if (t == 0 && i == scaled(2000) / 4)
-                    warm = Footprint::now().resident;
+                if (i == scaled(2000) / 4) {
+                    allWarm.arrive_and_wait();
+                    if (t == 0)
+                        warm = Footprint::now().resident;
+                }
             }
             for (const VkCommandPool pool : pools)
                 vkDestroyCommandPool(gpu().device(), pool, nullptr);
