@@ -121,7 +121,8 @@ TEST_F(TopCopies, ManySizesOfOneStructure)
     const auto all = instances(kMost, 1);
     Tlas source(gpu());
     source.build(all);
-    for (uint32_t count = 1; count < kMost; ++count)
+    // A build takes lavapipe 26 some 10 ms.
+    for (uint32_t count = 1; count < kMost; count += gpu().onLavapipe26() ? 20 : 1)
         source.build(std::span(all).first(count));
     EXPECT_EQ(look(source, 4), look(Tlas(gpu(), instances(kMost, 1)), 4));
 }
