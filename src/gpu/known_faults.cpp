@@ -20,7 +20,7 @@ struct OfDriver {
     uint32_t first, end; // versions that have it: from `first`, and before `end`
 };
 
-constexpr std::array<OfDriver, 8> kOfDrivers{{
+constexpr std::array<OfDriver, 9> kOfDrivers{{
     {{Fault::ReportChangesAttributes,
       "a hit that an intersection shader reports and that is not accepted changes the attributes of the committed hit",
       "attributes of such committed hits are not checked"},
@@ -66,6 +66,11 @@ constexpr std::array<OfDriver, 8> kOfDrivers{{
       "degenerate ones are in their place"},
      VK_DRIVER_ID_MESA_LLVMPIPE,
      0,
+     kNotFixed},
+    {{Fault::ConditionalBuilds, "a build within conditional rendering whose predicate is false crashes",
+      "builds, copies and queries are not within it"},
+     VK_DRIVER_ID_MESA_LLVMPIPE,
+     kMesa26,
      kNotFixed},
 }};
 

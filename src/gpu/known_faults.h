@@ -20,6 +20,7 @@ enum class Fault {
     FirstVertexIgnored,
     FourthComponentTransformed,
     InactiveHideOthers,
+    ConditionalBuilds,
     LayerIntersectionShaders,
     LayerSerializedStructures,
     LayerMixedLibraries,

@@ -122,7 +122,7 @@ TEST_F(TopCopies, ManySizesOfOneStructure)
     Tlas source(gpu());
     source.build(all);
     // A build takes lavapipe 26 some 10 ms.
-    for (uint32_t count = 1; count < kMost; count += gpu().onLavapipe26() ? 20 : 1)
+    for (uint32_t count = 1; count < kMost; count += gpu().onLavapipe26() ? 20u : 1u)
         source.build(std::span(all).first(count));
     EXPECT_EQ(look(source, 4), look(Tlas(gpu(), instances(kMost, 1)), 4));
 }
