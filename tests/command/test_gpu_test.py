@@ -47,7 +47,8 @@ class TestGpu(unittest.TestCase):
         ran, results = self.run_parts("--minutes", "1", "check")
         self.assertEqual((ran.returncode, results), (0, {"check": "passed"}), ran.stdout)
         statuses = [row.split(",")[1] for row in (self.out / "check/results/results.csv").read_text().splitlines()]
-        self.assertLess(statuses.count("Skip"), statuses.count("Pass"))
+        # Cases that are skipped take no time, so a slow machine has more of them than of others.
+        self.assertGreater(statuses.count("Pass"), 100)
 
     def test_part_that_takes_too_long(self):
         ran, results = self.run_parts("--minutes", "0.1", "micromaps", "info")
