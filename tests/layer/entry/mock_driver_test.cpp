@@ -195,6 +195,8 @@ TEST_F(MockDriver, FamiliesForOnePurpose)
 TEST_F(MockDriver, StructuresThatShrink)
 {
     make("structures");
+    if (gpu().onLavapipe26())
+        GTEST_SKIP() << "the quirk simulates this driver";
     const Blas blas(gpu(), {Geometry{.vertices = triangleRow(100)}},
                     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR);
     EXPECT_EQ(blas.size() % 2, 1u);
