@@ -130,6 +130,8 @@ Arena::Counts Arena::counts() const
     const std::lock_guard lock(mutex_);
     Counts counts = counts_;
     counts.buffers = blocks_.size();
+    for (const auto &block : blocks_)
+        counts.bytes += block->buffer.size();
     return counts;
 }
 

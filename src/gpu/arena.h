@@ -49,6 +49,7 @@ public:
 
     struct Counts {
         uint64_t buffers = 0, pieces = 0, operations = 0;
+        uint64_t bytes = 0;                      // of the buffers
         uint64_t guardBytes = 0, otherBytes = 0; // bytes checked so far
     };
     [[nodiscard]] Counts counts() const;

@@ -343,7 +343,7 @@ def main():
         parser.add_argument(f"--{word}", required=True)
     parser.add_argument("--sanitize", action="store_true")
     rest = parser.parse_known_args(namespace=options)[1]
-    unittest.main(argv=[sys.argv[0], *rest])
+    unittest.main(argv=[sys.argv[0], *filter(None, rest)])  # CMake gives an empty word for no --sanitize
 
 
 if __name__ == "__main__":

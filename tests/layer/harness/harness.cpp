@@ -23,7 +23,7 @@ struct FalseAlarm {
     const char *id;
     const char *text; // part of the message
 };
-constexpr std::array<FalseAlarm, 10> kFalseAlarms{{
+constexpr std::array<FalseAlarm, 11> kFalseAlarms{{
     // 1.3.239 takes device extensions newer than itself for unknown instead of leaving them alone.
     {"UNASSIGNED-khronos-validation-createdevice", "is not supported by this layer"},
     // The registry of that version requires it; later ones make it optional for geometry with special indices.
@@ -32,6 +32,8 @@ constexpr std::array<FalseAlarm, 10> kFalseAlarms{{
     // 1.4.363 takes the end of a handle's range in its buffer for the handle's size, and asks for whole handles where
     // the rule is about "the range of memory [...] that is accessed by this command".
     {"VUID-VkCopyAccelerationStructureInfoKHR-dst-07791", "memory overlap"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-03703",
+     "overlaps with dstAccelerationStructure"},
     // 1.4.363 wants multiples of the format's size also of formats that are not packed.
     {"VUID-VkAccelerationStructureBuildRangeInfoKHR-primitiveOffset-03657", "is not a multiple of"},
     // 1.4.363 does not count the stages of libraries in libraries. What a group names shows in what rays hit.
