@@ -2,6 +2,7 @@
 #include "cli/check_command.h"
 
 #include <algorithm>
+#include <array>
 #include <memory>
 #include <thread>
 
@@ -135,15 +136,21 @@ void checkTogether(const CheckOptions &options)
     if (options.replay &&
         (options.list || options.quick || options.minutes || options.caseList || !options.filters.empty()))
         throw UsageError("--replay runs one case, so it takes no option that selects cases");
-    if (!options.merge.empty() && (options.list || options.groups || options.quick || options.minutes ||
-                                   options.caseList || options.replay || !options.filters.empty()))
-        throw UsageError("--merge runs no cases, so it takes no option that selects cases");
     if (options.results)
         checkSuffix(*options.results, {".csv"});
     if (options.junit)
         checkSuffix(*options.junit, {".xml"});
     if (!options.implementation.empty() && !options.layer)
         throw UsageError("--implementation is for the layer, which --no-layer does without");
+}
+
+// --merge takes the options of what is written only.
+void checkMerge(const CLI::App &command)
+{
+    constexpr std::array kTaken = {"--merge", "--output", "--force", "--results", "--junit", "--json"};
+    for (const CLI::Option *option : command.get_options())
+        if (const std::string name = option->get_name(); option->count() != 0 && std::ranges::count(kTaken, name) == 0)
+            throw UsageError("--merge runs no cases, so it takes no " + name);
 }
 
 } // namespace
@@ -159,8 +166,10 @@ std::function<int()> declareCheckCommand(CLI::App &app)
     declareSelection(command, *options);
     declareOutput(command, *options);
     declareDevice(command, *options);
-    return [options] {
+    return [options, &command] {
         checkTogether(*options);
+        if (!options->merge.empty())
+            checkMerge(command);
         return checkCommand(*options);
     };
 }

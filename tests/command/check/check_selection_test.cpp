@@ -307,6 +307,23 @@ TEST_F(CheckSelection, RunsThatAreNotMerged)
     EXPECT_EQ(runVellum({"check", "--output", folder("whole"), "--merge", folder("whole")}).exitCode, 2);
 }
 
+TEST_F(CheckSelection, MergingTakesNoOptionOfRuns)
+{
+    const std::string out = (folder_ / "out").string();
+    ASSERT_EQ(run({"--filter", "khr.good.0000"}).outcome.exitCode, 0);
+    for (const auto &[option, value] : std::map<std::string, std::string>{{"--seed", "1"},
+                                                                          {"--shard", "1/2"},
+                                                                          {"--api", "khr"},
+                                                                          {"--timeout", "5"},
+                                                                          {"--baseline", file("a", "")},
+                                                                          {"--skips", file("b", "")},
+                                                                          {"--flakes", file("c", "")}}) {
+        const Outcome outcome = runVellum({"check", "--merge", out, "--output", out + "2", option, value});
+        EXPECT_EQ(outcome.exitCode, 2) << option;
+        EXPECT_EQ(outcome.errors, "vellum: --merge runs no cases, so it takes no " + option + "\n");
+    }
+}
+
 TEST_F(CheckSelection, OtherFilesStay)
 {
     std::filesystem::create_directory(folder_ / "out");
