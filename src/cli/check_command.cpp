@@ -219,16 +219,16 @@ int merge(const CheckOptions &options)
 {
     std::error_code error;
     for (const std::filesystem::path &run : options.merge)
-        if (std::filesystem::equivalent(run, options.output, error))
+        if (std::filesystem::equivalent(resultsOf(run), options.output / kResultsFile, error))
             throw UsageError(utf8Text(run) + " has results that are to be merged; --output names another folder");
     MergedRuns merged = mergeRuns(options.merge);
     const OutputFolder output(options.output, options.force);
     copyFailures(merged, output);
     publish(options, output, merged.facts, merged.results);
     const int code = exitCodeOf(merged.results);
-    if (merged.incomplete.empty())
+    if (merged.facts.incomplete.empty())
         return code;
-    std::fprintf(stderr, "vellum: the results are not whole: %s\n", merged.incomplete.c_str());
+    std::fprintf(stderr, "vellum: the results are not whole: %s\n", merged.facts.incomplete.c_str());
     return code == static_cast<int>(ExitCode::Success) ? static_cast<int>(ExitCode::NotRun) : code;
 }
 
@@ -243,7 +243,10 @@ public:
         facts_.seed = options.seed;
         if (options.shard.count > 1)
             facts_.shard = fmt::format("{}/{}", options.shard.number, options.shard.count);
+        facts_.selection = describe(selection);
         facts_.plan = planOf(casesOf(selection));
+        facts_.incomplete = "it has not ended"; // what a killed run leaves
+        write();
     }
 
     void add(const Finished &finished)
@@ -278,14 +281,15 @@ public:
         if (seconds < nextWrite_ || results_.empty())
             return;
         nextWrite_ = seconds + kSecondsBetweenWrites;
-        tryToWrite(error_, [&] { folder_.writeResults(facts_, results_); });
+        write();
     }
 
-    // Throws Error when everything that can be written is written.
-    void write(double seconds, bool interrupted)
+    // Throws Error when everything that can be written is written. `incomplete`: why the run ended early; empty if it
+    // did not.
+    void publishAll(double seconds, const std::string &incomplete)
     {
         facts_.seconds = seconds;
-        facts_.interrupted = interrupted;
+        facts_.incomplete = incomplete;
         publish(options_, folder_, facts_, results_, error_);
     }
 
@@ -294,13 +298,17 @@ public:
     // An empty shard has no case, and is no failure.
     [[nodiscard]] int exitCode() const
     {
-        if (!facts_.plan.empty() || facts_.shard.empty())
+        if (!facts_.plan.empty() || !results_.empty() || facts_.shard.empty())
             return exitCodeOf(results_);
         std::fprintf(stderr, "vellum: shard %s has no cases\n", facts_.shard.c_str());
         return static_cast<int>(ExitCode::Success);
     }
 
 private:
+    void write()
+    {
+        tryToWrite(error_, [&] { folder_.writeResults(facts_, results_); });
+    }
     static bool isControl(char c) { return static_cast<unsigned char>(c) < ' ' || c == 0x7f; }
     const CheckOptions &options_;
     OutputFolder folder_;
@@ -389,7 +397,7 @@ int runCases(const CheckOptions &options, const DeviceSummary &device, CaseSelec
     }
     const bool interrupted = Interruptible::interrupted();
     progress.reset();
-    results.write(runner.seconds(), interrupted);
+    results.publishAll(runner.seconds(), interrupted ? "interrupted" : error);
     if (interrupted)
         Interruptible::die();
     if (!error.empty())

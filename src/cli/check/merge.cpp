@@ -33,7 +33,7 @@ double numberOf(const rapidjson::Value &object, const char *name)
     return member->value.GetDouble();
 }
 
-CaseResult caseOf(const rapidjson::Value &object)
+CaseResult caseOf(const rapidjson::Value &object, const std::filesystem::path &folder)
 {
     const std::string name = JsonReader::textOf(object, "case");
     const std::optional<CaseId> id = parseCase(name);
@@ -45,38 +45,31 @@ CaseResult caseOf(const rapidjson::Value &object)
                       .verdict = *verdict,
                       .seconds = numberOf(object, "seconds"),
                       .rays = static_cast<uint64_t>(numberOf(object, "rays"))};
-    if (const std::string cause = JsonReader::textOr(object, "cause"); !cause.empty())
-        result.details = std::make_shared<CaseResult::Details>(CaseResult::Details{cause, {}, {}});
+    CaseResult::Details details{JsonReader::textOr(object, "cause"), JsonReader::textOr(object, "detail"), {}};
+    if (result.status == check::Status::Pass && details.cause.empty())
+        return result;
+    if (const std::filesystem::path file = OutputFolder::reproducerIn(folder, *id); std::filesystem::exists(file))
+        details.reproducer = utf8Text(file);
+    result.details = std::make_shared<CaseResult::Details>(std::move(details));
     return result;
-}
-
-// The texts of the first cases of each cause, by the names of the cases.
-std::map<std::string, std::string> detailsOf(const JsonReader &json)
-{
-    std::map<std::string, std::string> details;
-    for (const char *list : {"failures", "flakes"})
-        json.forEach(list, [&](const rapidjson::Value &cause) {
-            details[JsonReader::textOf(cause, "case")] = JsonReader::textOr(cause, "detail");
-        });
-    return details;
 }
 
 Run readRun(const std::filesystem::path &path)
 {
-    std::error_code error;
-    const bool isFolder = std::filesystem::is_directory(path, error);
-    const std::filesystem::path file = isFolder ? path / kResultsFile : path;
+    const std::filesystem::path file = resultsOf(path);
     try {
         const JsonReader json(readFile(file));
         if (json.text("command") != "check")
             throw Error("it is of vellum " + json.text("command"));
         Run run;
         run.folder = file.parent_path();
+        run.facts.version = json.text("version");
         run.facts.device.name = json.text("device");
         run.facts.device.implementation = json.text("implementation");
         run.facts.seed = std::stoull(json.text("seed"));
         run.facts.seconds = std::stod(json.json("seconds"));
-        run.facts.interrupted = json.json("interrupted") == "true";
+        run.facts.selection = json.text("selection");
+        run.facts.incomplete = json.textOr("incomplete");
         if (const std::string shard = json.textOr("shard"); !shard.empty())
             run.shard = job::parseShard(shard);
         json.forEach("knownFaults", [&](const rapidjson::Value &fault) {
@@ -90,17 +83,8 @@ Run readRun(const std::filesystem::path &path)
                 throw Error("no group of this version: " + name);
             run.facts.plan.push_back({first->api, first->group, static_cast<size_t>(numberOf(group, "planned"))});
         });
-        const std::map<std::string, std::string> details = detailsOf(json);
-        json.forEach("cases", [&](const rapidjson::Value &object) {
-            CaseResult &result = run.results.emplace_back(caseOf(object));
-            if (!result.details)
-                return;
-            const std::filesystem::path reproducer = OutputFolder::reproducerIn(run.folder, result.id);
-            const auto text = details.find(nameOf(result.id));
-            result.details = std::make_shared<CaseResult::Details>(
-                CaseResult::Details{result.cause(), text == details.end() ? std::string() : text->second,
-                                    std::filesystem::exists(reproducer) ? utf8Text(reproducer) : std::string()});
-        });
+        json.forEach("cases",
+                     [&](const rapidjson::Value &object) { run.results.push_back(caseOf(object, run.folder)); });
         return run;
     } catch (const std::exception &wrong) {
         throw UsageError(utf8Text(file) + " has no results of vellum check: " + wrong.what());
@@ -117,9 +101,11 @@ void checkBelong(const Run &run, const Run &first)
     const auto division = [](const Run &of) {
         return of.shard ? "--shard K/" + std::to_string(of.shard->count) : std::string("without --shard");
     };
+    differ("versions", run.facts.version, first.facts.version);
     differ("devices", run.facts.device.name, first.facts.device.name);
     differ("implementations", run.facts.device.implementation, first.facts.device.implementation);
     differ("seeds", std::to_string(run.facts.seed), std::to_string(first.facts.seed));
+    differ("selections", run.facts.selection, first.facts.selection);
     differ("divisions", division(run), division(first));
 }
 
@@ -153,6 +139,12 @@ std::string missingShards(const std::vector<Run> &runs)
 
 } // namespace
 
+std::filesystem::path resultsOf(const std::filesystem::path &run)
+{
+    std::error_code error;
+    return std::filesystem::is_directory(run, error) ? run / kResultsFile : run;
+}
+
 MergedRuns mergeRuns(const std::vector<std::filesystem::path> &paths)
 {
     std::vector<Run> runs;
@@ -161,15 +153,16 @@ MergedRuns mergeRuns(const std::vector<std::filesystem::path> &paths)
     MergedRuns merged;
     merged.facts = runs.front().facts;
     merged.facts.plan.clear();
+    merged.facts.incomplete = missingShards(runs);
     merged.facts.seconds = 0;
     std::map<std::string, const Run *> cases;
     for (const Run &run : runs) {
         checkBelong(run, runs.front());
         addPlan(run.facts.plan, merged.facts.plan);
         merged.facts.seconds += run.facts.seconds;
-        merged.facts.interrupted |= run.facts.interrupted;
-        if (run.facts.interrupted)
-            merged.incomplete += utf8Text(run.folder) + " was interrupted; ";
+        if (!run.facts.incomplete.empty())
+            merged.facts.incomplete +=
+                (merged.facts.incomplete.empty() ? "" : "; ") + utf8Text(run.folder) + ": " + run.facts.incomplete;
         for (const CaseResult &result : run.results) {
             const std::string name = nameOf(result.id);
             const auto [known, added] = cases.emplace(name, &run);
@@ -179,9 +172,6 @@ MergedRuns mergeRuns(const std::vector<std::filesystem::path> &paths)
             merged.results.push_back(result);
         }
     }
-    merged.incomplete += missingShards(runs);
-    if (merged.incomplete.ends_with("; "))
-        merged.incomplete.resize(merged.incomplete.size() - 2);
     return merged;
 }
 

@@ -14,11 +14,12 @@ namespace vellum::cli
 struct MergedRuns {
     RunFacts facts;
     std::vector<CaseResult> results;
-    std::string incomplete; // what is missing; empty if nothing is
 };
 
-// Reads the folders of runs, or their results.json. Throws UsageError for other files, and for runs that do not belong
-// together: of other devices, seeds or divisions, or with the same case.
+// The results of a run, which is given by its folder or by this file.
+std::filesystem::path resultsOf(const std::filesystem::path &run);
+// Throws UsageError for other files, and for runs that do not belong together: of other versions of Vellum, devices,
+// seeds, selections or divisions, or with the same case.
 MergedRuns mergeRuns(const std::vector<std::filesystem::path> &runs);
 // Copies the files of their failures to the folder. Throws Error.
 void copyFailures(MergedRuns &runs, const OutputFolder &folder);

@@ -271,6 +271,8 @@ std::string junitXml(const RunFacts &facts, const std::vector<CaseResult> &resul
     for (const DeviceSummary::Fault &fault : facts.device.knownFaults)
         properties += fmt::format("      <property name=\"known fault\" value=\"{}: {}\"/>\n", xml(fault.text),
                                   xml(fault.response));
+    if (!facts.incomplete.empty())
+        properties += fmt::format("      <property name=\"incomplete\" value=\"{}\"/>\n", xml(facts.incomplete));
     if (!properties.empty())
         properties = "    <properties>\n" + properties + "    </properties>\n";
     std::string text = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites name=\"vellum check\">\n";
@@ -298,9 +300,13 @@ std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &re
     const CheckTally tally = tallyOf(results, facts.plan);
     JsonWriter json;
     beginReport(json, "check");
-    json.member("device", facts.device.name).member("implementation", facts.device.implementation);
+    json.member("version", facts.version)
+        .member("device", facts.device.name)
+        .member("implementation", facts.device.implementation);
     json.member("seed", std::to_string(facts.seed)).member("seconds", facts.seconds);
-    json.member("interrupted", facts.interrupted);
+    json.member("selection", facts.selection);
+    if (!facts.incomplete.empty())
+        json.member("incomplete", facts.incomplete);
     if (!facts.shard.empty())
         json.member("shard", facts.shard);
     json.list("knownFaults", facts.device.knownFaults, [&](const DeviceSummary::Fault &fault) {
@@ -317,6 +323,8 @@ std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &re
         json.member("status", statusOf(*result)).member("seconds", result->seconds).member("rays", result->rays);
         if (!result->cause().empty())
             json.member("cause", result->cause());
+        if (result->details != nullptr && !result->details->text.empty())
+            json.member("detail", result->details->text);
         json.end();
     });
     json.end();
@@ -359,8 +367,9 @@ std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &r
         skipped += group.count({Status::Skip});
     }
     text += fmt::format(
-        "\n{}{}: {} in {:.1f} s{}, {}{}\n", facts.device.name, facts.interrupted ? ", interrupted" : "",
-        counted(tested, "case"), facts.seconds, skipped == 0 ? "" : fmt::format(", {} skipped", grouped(skipped)),
+        "\n{}{}: {} in {:.1f} s{}, {}{}\n", facts.device.name,
+        facts.incomplete.empty() ? "" : ", incomplete (" + facts.incomplete + ")", counted(tested, "case"),
+        facts.seconds, skipped == 0 ? "" : fmt::format(", {} skipped", grouped(skipped)),
         failures == 0 ? "no failure" : counted(failures, "failure"), others.empty() ? "" : " (" + others + ")");
     return text;
 }

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "base/version.h"
 #include "cli/check/case_id.h"
 #include "cli/check/expectations.h"
 #include "cli/check/protocol.h"
@@ -89,8 +90,10 @@ struct RunFacts {
     uint64_t seed = 0;
     std::vector<PlannedGroup> plan;
     double seconds = 0;
-    bool interrupted = false;
-    std::string shard; // of --shard; empty: without
+    std::string incomplete; // why results are missing; empty if none are
+    std::string shard;      // of --shard; empty: without
+    std::string selection;  // describe()
+    std::string version = versionText();
 };
 
 // The file of a run's folder that has everything, and in which another run recognizes the folder.

@@ -2,9 +2,11 @@
 #include "cli/check/schedule.h"
 
 #include <algorithm>
+#include <fmt/format.h>
 #include <numeric>
 
 #include "base/text.h"
+#include "core/hash.h"
 
 namespace vellum::cli
 {
@@ -108,6 +110,20 @@ std::vector<CaseId> casesOf(const CaseSelection &selection)
             for (uint32_t number = 0; number < (selection.quick ? group.quickCases() : group.cases); ++number)
                 add({api, &group, number});
     return cases;
+}
+
+std::string describe(CaseSelection selection)
+{
+    selection.shard = {};
+    const std::vector<CaseId> cases = casesOf(selection);
+    std::string names;
+    for (const CaseId &id : cases)
+        names += nameOf(id) + "\n";
+    if (selection.endless)
+        for (const std::string &filter : selection.filters)
+            names += filter + "\n";
+    return fmt::format("{} ({:016x}){}", counted(cases.size(), "case"), Hash::of(names),
+                       selection.endless ? " and new ones" : "");
 }
 
 Schedule makeSchedule(const CaseSelection &selection)

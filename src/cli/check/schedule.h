@@ -93,6 +93,8 @@ struct CaseSelection {
 Schedule makeSchedule(const CaseSelection &selection);
 // The first filter of the selection that matches no case.
 std::optional<std::string> idleFilter(const CaseSelection &selection);
+// What is selected, without the shard: "60 cases (0123456789abcdef)". Of other cases it is another text.
+std::string describe(CaseSelection selection);
 // The cases of a full run, or a quick one, that a selection has.
 std::vector<CaseId> casesOf(const CaseSelection &selection);
 

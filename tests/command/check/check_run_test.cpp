@@ -233,7 +233,8 @@ TEST_F(Check, ResultsThatCannotBeWrittenArePrinted)
     EXPECT_EQ(full.exitCode, 1) << full.errors;
     EXPECT_NE(full.output.find("    10 cases, the first of which is "), std::string::npos) << full.output;
     EXPECT_EQ(linesOf(folder_ / "full/results.csv").size(), 20U);
-    EXPECT_FALSE(std::filesystem::exists(folder_ / "full/results.json")) << "nothing is half-written";
+    EXPECT_NE(textOf(folder_ / "full/results.json").find("\"it has not ended\""), std::string::npos)
+        << "nothing is half-written";
 }
 #endif
 
@@ -342,5 +343,21 @@ TEST_F(Check, Interruption)
     EXPECT_EQ(outcome.signal, SIGINT);
     EXPECT_EQ(statusesIn(output / "results.csv").size(), 5U) << outcome.errors;
     EXPECT_NE(outcome.output.find("interrupted"), std::string::npos) << outcome.output;
+    const Outcome merged = runVellum({"check", "--output", (folder_ / "all").string(), "--merge", output.string()});
+    EXPECT_NE(merged.errors.find("out: interrupted\n"), std::string::npos) << merged.errors;
+}
+
+// In the folder of a run that was whole.
+TEST_F(Check, ResultsOfAKilledRunAreNotWhole)
+{
+    const std::filesystem::path output = folder_ / "out";
+    EXPECT_EQ(run({"good.*"}).outcome.exitCode, 0);
+    const Outcome outcome = interruptVellum(
+        {"check", "--filter", "khr.good.*", "--filter", "khr.hang.*", "--jobs", "1", "--output", output.string()},
+        SIGKILL, folder_ / "hangs", {{"VELLUM_FAKE_FOLDER", folder_.path().string()}});
+    EXPECT_EQ(outcome.signal, SIGKILL);
+    const Outcome merged = runVellum({"check", "--output", (folder_ / "all").string(), "--merge", output.string()});
+    EXPECT_EQ(merged.exitCode, kNotRun);
+    EXPECT_NE(merged.errors.find("out: it has not ended\n"), std::string::npos) << merged.errors;
 }
 #endif

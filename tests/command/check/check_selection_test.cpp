@@ -277,6 +277,30 @@ TEST_F(CheckSelection, ShardsWithoutCases)
     EXPECT_EQ(empty.results.size() + other.results.size(), 1U);
 }
 
+// New cases, which are not in the plan, count as well.
+TEST_F(CheckSelection, AShardOfNewCasesOnlyFails)
+{
+    for (const std::string shard : {"1", "2"}) {
+        const CheckRun check = run({"--filter", "khr.crash.*", "--minutes", "0.02", "--shard", shard + "/40"});
+        EXPECT_EQ(check.outcome.exitCode, check.failures.empty() ? 125 : 1) << check.outcome.errors;
+        EXPECT_FALSE(check.failures.empty());
+    }
+}
+
+TEST_F(CheckSelection, MergedTextsAreThoseOfOneRun)
+{
+    std::vector<std::string> arguments = {"check",     "--jobs",   "1",          "--timeout", "1",  "--filter",
+                                          "khr.bad.*", "--filter", "khr.hang.*", "--shard",   "1/1"};
+    const auto folder = [&](const std::string &name) { return (folder_ / name).string(); };
+    arguments.insert(arguments.end(), {"--output", folder("one")});
+    EXPECT_EQ(runVellum(arguments).exitCode, 1);
+    EXPECT_EQ(runVellum({"check", "--output", folder("all"), "--merge", folder("one")}).exitCode, 1);
+    EXPECT_EQ(textOf(folder_ / "all/junit.xml"), textOf(folder_ / "one/junit.xml"));
+    EXPECT_EQ(textOf(folder_ / "all/results.json"),
+              std::regex_replace(textOf(folder_ / "one/results.json"), std::regex("/one/"), "/all/"));
+    EXPECT_TRUE(std::filesystem::exists(folder_ / "all/failures/khr.hang.0000.json"));
+}
+
 TEST_F(CheckSelection, RunsThatAreNotMerged)
 {
     const auto folder = [&](const std::string &name) { return (folder_ / name).string(); };
@@ -286,14 +310,25 @@ TEST_F(CheckSelection, RunsThatAreNotMerged)
         EXPECT_EQ(runVellum(all).exitCode, 0);
     };
     make("first", {"--shard", "1/2"});
+    make("second", {"--shard", "2/2"});
     make("seed", {"--shard", "2/2", "--seed", "2"});
+    make("quick", {"--shard", "2/2", "--quick"});
     make("third", {"--shard", "3/3"});
     make("whole", {});
+    std::filesystem::create_directory(folder_ / "version");
+    writeFile(folder_ / "version/results.json",
+              std::regex_replace(textOf(folder_ / "second/results.json"), std::regex("\"version\": \""), "$&1"));
     const Outcome missing = runVellum({"check", "--output", folder("all"), "--merge", folder("first")});
     EXPECT_EQ(missing.exitCode, 125);
     EXPECT_NE(missing.errors.find("of 2 shards these are missing: 2"), std::string::npos) << missing.errors;
+    EXPECT_NE(missing.output.find("of 2 shards these are missing: 2"), std::string::npos) << missing.output;
+    EXPECT_NE(textOf(folder_ / "all/junit.xml").find("of 2 shards these are missing: 2"), std::string::npos);
     EXPECT_FALSE(statusesIn(folder_ / "all/results.csv").empty());
-    for (const std::string other : {"first", "seed", "third", "whole", "none"}) {
+    const Outcome again = runVellum({"check", "--output", folder("again"), "--merge", folder("all")});
+    EXPECT_EQ(again.exitCode, 125) << "it is still missing";
+    const std::string own = folder("first") + "/results.json";
+    EXPECT_EQ(runVellum({"check", "--output", folder("first"), "--merge", own, folder("second")}).exitCode, 2);
+    for (const std::string other : {"first", "seed", "quick", "third", "whole", "version", "none"}) {
         const Outcome wrong = runVellum({"check", "--output", folder("x"), "--merge", folder("first"), folder(other)});
         EXPECT_EQ(wrong.exitCode, 2) << other;
         EXPECT_EQ(wrong.errorLines(), 1) << wrong.errors;

@@ -10,9 +10,9 @@
 #include <string_view>
 #include <thread>
 
+#include "base/error.h"
 #include "check/case/json.h"
 #include "check/groups/group.h"
-#include "base/error.h"
 #include "cli/check/case_id.h"
 #include "cli/check/protocol.h"
 #include "fake_system.h"
