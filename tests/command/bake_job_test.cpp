@@ -234,6 +234,23 @@ TEST(BakeJob, OneFileHasNoShards)
     }
 }
 
+// Their names in a log would be those of other files.
+TEST(BakeJob, StandardStreamsHaveNoLog)
+{
+    const TemporaryFolder folder;
+    const std::string a = (folder / "a.glb").string();
+    writeFile(a, cardGlb());
+    for (const std::vector<std::string> &files : {std::vector<std::string>{"-"}, {a, "-"}, {"-", a + ".glb"}}) {
+        for (const char *option : {"--log", "--resume"}) {
+            std::vector<std::string> bake = {"bake", option, (folder / "log").string()};
+            bake.insert(bake.end(), files.begin(), files.end());
+            const Outcome outcome = runVellum(bake, {}, a);
+            EXPECT_EQ(outcome.exitCode, 2) << outcome.errors;
+            EXPECT_EQ(outcome.output, "");
+        }
+    }
+}
+
 TEST(BakeJob, LogsAndResumes)
 {
     const TemporaryFolder folder;

@@ -51,8 +51,8 @@ there is neither decoded nor baked, and gets the same bytes. Names, positions an
 takes --cache-size at most: what was not used for the longest time is removed. Damaged micromaps are baked again. If the
 folder cannot be used, a warning says why, and everything is baked.
 
---depfile states for each output the input and the files that this names. A build that needs every output also needs
---copy.
+--depfile states for each output the input and the files that this names, and replaces FILE. A build that needs every
+output also needs --copy.
 
 A .glb stays a .glb. A .gltf stays a .gltf: its micromaps go into NAME.omm-DIGEST.bin beside it, and the files that it
 names are copied if the output is in another folder.
@@ -263,6 +263,12 @@ void checkTogether(const BakeCommandOptions &options)
         checkOwnFile(options, "--depfile", *options.depfile);
     if (options.depfile && options.output == "-")
         throw UsageError("--depfile needs an output file, not stdout");
+    // It would lack the files that are skipped, and a build repeats only what it needs.
+    if (options.depfile && !options.resume.empty())
+        throw UsageError("--depfile and --resume exclude each other");
+    if ((options.log || !options.resume.empty()) &&
+        (options.output == "-" || std::any_of(options.inputs.begin(), options.inputs.end(), isStandardStream)))
+        throw UsageError("--log and --resume are for files, not for stdin or stdout");
     if (options.cacheSize < kLeastCacheSize)
         throw UsageError("--cache-size must be at least 1M");
     if (options.table && options.json)
