@@ -10,16 +10,22 @@ namespace vellum::job
 namespace
 {
 
+[[noreturn]] void reject(const std::filesystem::path &path, const char *why)
+{
+    throw Error("a depfile cannot name " + printable(utf8Text(path)) + ", which " + why);
+}
+
 std::string escaped(const std::filesystem::path &path)
 {
     std::string text;
     size_t backslashes = 0; // at the end of `text`
+    const std::string drive = utf8Text(path.root_name());
     for (const char c : utf8Text(path)) {
         if (c == '\n' || c == '\r')
-            throw Error("a depfile cannot name " + printable(utf8Text(path)) + ", which has a line break");
+            reject(path, "has a line break");
         if (c == ' ' || c == '\t') // backslashes before it are doubled, others are not
             text.append(backslashes + 1, '\\');
-        else if (c == '#')
+        else if (c == '#' || (c == ':' && text.size() >= drive.size()))
             text += '\\';
         else if (c == '$')
             text += '$';
@@ -33,6 +39,8 @@ std::string escaped(const std::filesystem::path &path)
 
 std::string depfileRule(const std::filesystem::path &output, const std::vector<std::filesystem::path> &dependencies)
 {
+    if (utf8Text(output).find('%') != std::string::npos)
+        reject(output, "Make would take as a pattern");
     std::string rule = escaped(output) + ":";
     std::string others;
     for (const std::filesystem::path &dependency : dependencies) {

@@ -18,7 +18,7 @@ import urllib.parse
 import zlib
 
 VELLUM = pathlib.Path(sys.argv.pop(1)).resolve()
-FOLDER = "a b #1 $x"
+FOLDER = "a b: #1 $x"
 IMAGE = "leaf #2 $y \u00e9.png"
 
 
@@ -99,9 +99,18 @@ class Depfile(unittest.TestCase):
         self.assertTrue(rebuilt())
         self.assertFalse(rebuilt())
 
+    def write_makefile(self):
+        name = FOLDER.replace("$", "$$")
+        target = name.replace(" ", "\\ ").replace("#", "\\#").replace(":", "\\:")
+        (self.root / "Makefile").write_text(f"""
+{target}/tree.omm.gltf:
+\t'{VELLUM}' bake '{name}/tree.gltf' -o '$@' --depfile tree.d --cache cache
+-include tree.d
+""")
+
     @unittest.skipUnless(shutil.which("ninja"), "there is no ninja")
     def test_ninja(self):
-        folder = FOLDER.replace("$", "$$").replace(" ", "$ ")
+        folder = FOLDER.replace("$", "$$").replace(" ", "$ ").replace(":", "$:")
         (self.root / "build.ninja").write_text(f"""
 rule bake
   command = '{VELLUM}' bake $in -o $out --depfile tree.d --cache cache
@@ -113,14 +122,24 @@ build {folder}/tree.omm.gltf: bake {folder}/tree.gltf
 
     @unittest.skipUnless(shutil.which("make"), "there is no make")
     def test_make(self):
-        name = FOLDER.replace("$", "$$")
-        target = name.replace(" ", "\\ ").replace("#", "\\#")
-        (self.root / "Makefile").write_text(f"""
-{target}/tree.omm.gltf:
-\t'{VELLUM}' bake '{name}/tree.gltf' -o '$@' --depfile tree.d --cache cache
--include tree.d
-""")
+        self.write_makefile()
         self.check(["make"], "up to date")
+
+    @unittest.skipUnless(shutil.which("make"), "there is no make")
+    def test_a_failed_bake_is_repeated(self):
+        self.write_makefile()
+        self.assertEqual(run("make", folder=self.root).returncode, 0)
+        for name, content in ((IMAGE, b"x"), ("tree.gltf", b"x")):
+            whole = (self.input / name).read_bytes()
+            (self.input / name).write_bytes(content)
+            for _ in range(2):
+                done = run("make", folder=self.root)
+                self.assertNotEqual(done.returncode, 0, done.stdout)
+            (self.input / name).write_bytes(whole)
+            done = run("make", folder=self.root)
+            self.assertEqual(done.returncode, 0, done.stdout)
+            self.assertNotIn("up to date", done.stdout)
+            self.assertIn("up to date", run("make", folder=self.root).stdout)
 
     def test_all_outputs_of_a_folder(self):
         write_gltf(self.root / "in/sub", mode="OPAQUE")
@@ -135,9 +154,21 @@ build {folder}/tree.omm.gltf: bake {folder}/tree.gltf
 
     def test_rejected(self):
         for words in (["-", "--depfile", "x.d"], ["out.gltf", "--depfile", "-"], ["out.gltf", "--depfile", "x.gltf"],
-                      ["out.gltf", "--dry-run", "--depfile", "x.d"]):
+                      ["out.gltf", "--dry-run", "--depfile", "x.d"],
+                      ["out.gltf", "--depfile", "x.d", "--log", "log", "--resume", "log"]):
             done = run(VELLUM, "bake", self.input / "tree.gltf", *words, folder=self.root)
             self.assertEqual(done.returncode, 2, done.stdout)
+        # A file that is read, or written otherwise.
+        (self.root / "list").write_text(f"{FOLDER}/tree.gltf\n")
+        for depfile in (self.input / IMAGE, self.input / "mesh.bin", f"out/{IMAGE}", "list", "log"):
+            before = {file: file.read_bytes() for file in [*self.input.iterdir(), self.root / "list"]}
+            done = run(VELLUM, "bake", "--files", "list", "-o", "out", "--log", "log", "--depfile", depfile, folder=self.root)
+            self.assertEqual(done.returncode, 2, done.stdout)
+            self.assertEqual(before, {file: file.read_bytes() for file in before})
+        (self.root / "list").write_text(f"{FOLDER}/tree.gltf\tout/a%b.gltf\n")
+        done = run(VELLUM, "bake", "--files", "list", "--depfile", "x.d", folder=self.root)
+        self.assertEqual(done.returncode, 1, done.stdout)
+        self.assertIn("pattern", done.stdout)
         (self.root / "a\nb").mkdir()
         shutil.copy(self.input / "tree.gltf", self.root / "a\nb")
         done = run(VELLUM, "bake", "a\nb/tree.gltf", "--copy", "--depfile", "x.d", folder=self.root)

@@ -281,13 +281,11 @@ BakeRun bakeAll(const BakeCommandOptions &options, UnmatchedExclusions &exclusio
     return run;
 }
 
-// Throws Error.
+// With the rules of files that failed: an earlier output of theirs stays, and is out of date. Throws Error.
 void writeDepfile(const fs::path &path, const std::vector<BakeFileReport> &reports)
 {
     std::string text;
     for (const BakeFileReport &report : reports) {
-        if (!report.error.empty())
-            continue;
         std::vector<fs::path> read;
         if (!isStandardStream(report.job.input))
             read.push_back(report.job.input);

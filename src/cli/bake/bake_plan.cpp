@@ -73,6 +73,8 @@ public:
     [[nodiscard]] const std::vector<fs::path> &namedBy(size_t number) const { return beside_[number].read; }
     // The bytes of its input and these files.
     [[nodiscard]] uint64_t bytesOf(size_t number) const;
+    // After the problems of all jobs: throws UsageError for a log or depfile that is another file of this run as well.
+    void checkOwnFiles(const BakeCommandOptions &options);
 
 private:
     void readJob(size_t number);
@@ -110,6 +112,8 @@ Conflicts::Conflicts(const std::vector<BakeJob> &jobs, const std::vector<fs::pat
     for (size_t i = 0; i < jobs.size(); ++i)
         for (const fs::path &file : beside_[i].read)
             addRead(file, jobs[i].input);
+    if (options.files && !isStandardStream(*options.files))
+        addRead(*options.files, *options.files);
 }
 
 void Conflicts::readJob(size_t number)
@@ -171,6 +175,19 @@ std::string Conflicts::problemOf(size_t number)
     }
     writes_.merge(writes);
     return "";
+}
+
+void Conflicts::checkOwnFiles(const BakeCommandOptions &options)
+{
+    for (const auto &[option, file] : {std::pair("--log", options.log), std::pair("--depfile", options.depfile)}) {
+        if (!file)
+            continue;
+        const fs::path location = locationOf(*file);
+        const auto id = idOf(*file);
+        if (reads_.contains(location) || writes_.contains(location) || (id && filesRead_.contains(*id)))
+            throw UsageError(std::string(option) + " must be a file of its own, got " + utf8Text(*file));
+        addRead(*file, *file);
+    }
 }
 
 std::vector<BakeJob> listedJobs(const BakeCommandOptions &options)
@@ -273,6 +290,7 @@ BakePlan planBake(const BakeCommandOptions &options)
         jobs[i].named = conflicts.namedBy(i);
         jobs[i].problem = conflicts.problemOf(i);
     }
+    conflicts.checkOwnFiles(options);
     return {std::move(jobs), done};
 }
 
