@@ -4,8 +4,10 @@
 
 usage: sweep_test.py VELLUM
 """
+import html
 import json
 import pathlib
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -105,6 +107,26 @@ class Sweep(unittest.TestCase):
             if row["known"] > before["known"]:
                 self.assertAlmostEqual(row["bytesPerPercent"] * 100 * (row["known"] - before["known"]),
                                        row["bytes"] - before["bytes"], 6)
+
+    def test_recommends_what_was_measured(self):
+        tree = self.tree()
+        tree.write_bytes(tree.read_bytes().replace(MASK, BLEND, 1))
+        given = ["--blend", "--exclude-mesh", "a 'b' *", "--max-level", "4", "--min-known", "0.1"]
+        swept = report("sweep", tree, *given)
+        options = shlex.split(swept["recommendation"]["options"])
+        self.assertEqual(sorted(options[2:]), sorted(given))
+        chosen = next(row for row in swept["rows"] if row["options"] == " ".join(options[:2]))
+        baked = self.bake(tree, *options)
+        self.assertEqual(chosen["bytes"], bytes_of(baked))
+        self.assertAlmostEqual(chosen["known"], baked["surface"]["known"], 9)
+        for text in (run("sweep", tree, *given).stdout, html.unescape(run("sweep", tree, *given, "-o", "-").stdout)):
+            self.assertIn(swept["recommendation"]["options"], text)
+
+    def test_patterns_of_files_that_are_not_read(self):
+        tree, damaged = self.tree(), self.folder / "damaged.glb"
+        self.assertIn("glass* matches no material", run("sweep", tree, "--exclude-material", "glass*").stderr)
+        damaged.write_bytes(b"glTF")
+        self.assertNotIn("matches no", run("sweep", tree, damaged, "--exclude-material", "glass*", code=1).stderr)
 
     def test_states_what_is_not_in_it(self):
         tree = self.tree()

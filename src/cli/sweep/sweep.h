@@ -18,6 +18,7 @@ struct SweepOptions {
     std::vector<std::filesystem::path> inputs;   // files and folders
     std::optional<std::filesystem::path> output; // .html or .svg; "-" is stdout
     DocumentBakeOptions bake;                    // without level, states, budget
+    std::string given;                           // the options of the command line that made it: " --max-level 7"
     unsigned threads = 0;                        // 0: one for each processor
     bool force = false;
     bool json = false;
@@ -46,7 +47,7 @@ struct SweepRow {
     [[nodiscard]] double shaderCalls() const { return 1000 * (1 - known); }
     // Share of the surface that is known without proof: 2 states instead of unknown.
     [[nodiscard]] double approximate() const { return known - proven; }
-    // As options of vellum bake: "--level 5 --states 2".
+    // As options of vellum bake, to which those that were given are added: "--level 5 --states 2".
     [[nodiscard]] std::string options() const;
     // Can be baked, and is exact.
     [[nodiscard]] bool eligible() const { return !tooLarge && setting.format == Format::FourState; }
@@ -54,7 +55,8 @@ struct SweepRow {
 
 struct Recommendation {
     size_t row = 0;
-    std::string reason; // a sentence without its full stop
+    std::string options; // of vellum bake, all of them
+    std::string reason;  // a sentence without its full stop
 };
 
 struct Sweep {
@@ -67,8 +69,9 @@ struct Sweep {
 // The rows of files, which have the same settings. Budgets that change nothing are left out.
 std::vector<SweepRow> rowsOf(const std::vector<const DocumentOutlines *> &files);
 
-// The fewest bytes that know 95 % of what the best of the rows knows; none if no row knows anything.
-std::optional<Recommendation> recommend(const std::vector<SweepRow> &rows);
+// The fewest bytes that know 95 % of what the best of the rows knows; none if no row knows anything. `given`: of
+// SweepOptions.
+std::optional<Recommendation> recommend(const std::vector<SweepRow> &rows, const std::string &given);
 
 // "12.0 % of the alpha-tested surface gets no micromap: 2 primitives skipped (its alphaMode is BLEND)"; empty if all of
 // it gets one.

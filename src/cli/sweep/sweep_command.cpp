@@ -59,13 +59,15 @@ SweptFile sweepFile(const std::filesystem::path &path, const DocumentBakeOptions
         exclusions.note(document);
         const std::vector<std::optional<uint32_t>> levels = sweptLevels(options.bake.maxLevel);
         file.result = outlineDocument(document, options, levels, sweptBudgets());
+        return file;
     } catch (const GltfError &error) {
         file.error = error.what();
     } catch (const std::bad_alloc &) {
         file.error = file.path + ": out of memory";
-    } catch (const BakeError &error) {
+    } catch (const std::exception &error) {
         file.error = file.path + ": " + error.what();
     }
+    exclusions.noteUnread();
     return file;
 }
 
@@ -106,12 +108,11 @@ Sweep sweepFiles(const SweepOptions &options)
     ProgressLine progress("sweeping");
     std::mutex updating;
     std::vector<double> done(paths.size());
+    double all = 0;
     const auto update = [&](size_t file, double share) {
         const std::lock_guard lock(updating);
+        all += share - done[file];
         done[file] = share;
-        double all = 0;
-        for (const double its : done)
-            all += its;
         progress.update(static_cast<size_t>(1000 * all / static_cast<double>(done.size())), 1000);
     };
     const unsigned threads = threadCount(options.threads);
@@ -130,7 +131,7 @@ Sweep sweepFiles(const SweepOptions &options)
             bakeable.push_back(&file.result);
     sweep.bakeable = bakeable.size();
     sweep.rows = rowsOf(bakeable);
-    sweep.recommendation = recommend(sweep.rows);
+    sweep.recommendation = recommend(sweep.rows, options.given);
     exclusions.print();
     return sweep;
 }
@@ -180,7 +181,7 @@ std::vector<SweepRow> rowsOf(const std::vector<const DocumentOutlines *> &files)
     return rows;
 }
 
-std::optional<Recommendation> recommend(const std::vector<SweepRow> &rows)
+std::optional<Recommendation> recommend(const std::vector<SweepRow> &rows, const std::string &given)
 {
     double best = 0;
     for (const SweepRow &row : rows)
@@ -199,6 +200,7 @@ std::optional<Recommendation> recommend(const std::vector<SweepRow> &rows)
     Recommendation made;
     made.row = fewest(kEnough * best);
     const SweepRow &row = rows[made.row];
+    made.options = row.options() + given;
     made.reason = fmt::format("the fewest bytes that know {:.0f} % of what the best setting here knows ({} of {})",
                               100 * kEnough, percent(row.known), percent(best));
     // A whole percentage point more, or all there is.
@@ -269,8 +271,7 @@ void printSweep(const Sweep &sweep)
         fmt::print("\n");
     }
     if (sweep.recommendation)
-        fmt::print("recommended: {}: {}\n", sweep.rows[sweep.recommendation->row].options(),
-                   sweep.recommendation->reason);
+        fmt::print("recommended: {}: {}\n", sweep.recommendation->options, sweep.recommendation->reason);
     fmt::print("{}\n", kTwoStatesText);
     fmt::print("{}\n", kShaderCallsText);
     if (const std::string text = exclusionsText(sweep); !text.empty())
@@ -300,7 +301,7 @@ void printSweepJson(const Sweep &sweep, const SweepOptions &options)
     json.key("recommendation");
     if (sweep.recommendation)
         json.beginObject()
-            .member("options", sweep.rows[sweep.recommendation->row].options())
+            .member("options", sweep.recommendation->options)
             .member("reason", sweep.recommendation->reason)
             .end();
     else

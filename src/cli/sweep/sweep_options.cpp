@@ -55,6 +55,18 @@ void declareSweep(CLI::App &command, SweepOptions &options)
         ->type_name("COUNT");
 }
 
+// As a word of a shell's command.
+std::string quoted(const std::string &value)
+{
+    constexpr const char *kPlain = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+-./:=@_";
+    if (!value.empty() && value.find_first_not_of(kPlain) == std::string::npos)
+        return value;
+    std::string text = "'";
+    for (const char c : value)
+        text += c == '\'' ? "'\\''" : std::string(1, c);
+    return text + "'";
+}
+
 } // namespace
 
 std::function<int()> declareSweepCommand(CLI::App &app)
@@ -62,11 +74,18 @@ std::function<int()> declareSweepCommand(CLI::App &app)
     const auto options = std::make_shared<SweepOptions>();
     CLI::App &command = *app.add_subcommand("sweep", "Compares what settings of bake would make of glTF files");
     declareSweep(command, *options);
+    const auto own = static_cast<ptrdiff_t>(command.get_options().size());
     const std::function<void()> finish = declareBaking(command, options->bake);
     for (const char *varied : {"--level", "--states", "--budget", "--target-known"})
         command.remove_option(command.get_option(varied));
-    return [options, finish] {
+    std::vector<CLI::Option *> baking = command.get_options();
+    baking.erase(baking.begin(), baking.begin() + own);
+    return [options, finish, baking] {
         finish();
+        for (const CLI::Option *option : baking)
+            for (const std::string &value : option->results())
+                options->given +=
+                    " " + option->get_name() + (option->get_expected_max() == 0 ? "" : " " + quoted(value));
         if (options->json && options->output == "-")
             throw UsageError("--json and an output to stdout exclude each other");
         if (options->output) {

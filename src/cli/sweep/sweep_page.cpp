@@ -206,8 +206,7 @@ std::string sweepPage(const Sweep &sweep)
             "<p class=\"muted\">Bytes of all files together; the share of the surface is the mean of the files.</p>\n";
     if (sweep.recommendation)
         page += fmt::format("<p><b>Recommended: <code>vellum bake {}</code></b>: {}.</p>\n",
-                            markupText(sweep.rows[sweep.recommendation->row].options()),
-                            markupText(sweep.recommendation->reason));
+                            markupText(sweep.recommendation->options), markupText(sweep.recommendation->reason));
     page += Chart(sweep).draw() + htmlTableOf(sweep);
     page += fmt::format("<p class=\"muted\">{}</p>\n<p class=\"muted\">{}</p>\n", kShaderCallsText, kTwoStatesText);
     if (const std::string text = exclusionsText(sweep); !text.empty())
