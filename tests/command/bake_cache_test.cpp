@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <csignal>
 #include <gtest/gtest.h>
+#include <string_view>
 #include <thread>
 
 #include "command.h"
@@ -181,6 +182,39 @@ TEST(BakeCache, AFullOrReadOnlyDiskIsOneWarning)
         EXPECT_EQ(outcome.output, std::string(plain.begin(), plain.end()));
         EXPECT_TRUE(cached.entries().empty());
     }
+}
+
+// A file server may report that only when all bytes are sent.
+TEST(BakeCache, ADiskThatIsFullInTheEndIsOneWarning)
+{
+    Cached cached;
+    const Outcome outcome = runVellum({"bake", (cached.folder / "card.glb").string(), "-", "--cache", cached.cache},
+                                      {{"LD_PRELOAD", VELLUM_STOPPED_CALL},
+                                       {"VELLUM_STOPPED_CALL", "-1"},
+                                       {"VELLUM_SYNC_ERROR", std::to_string(ENOSPC)}});
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+    EXPECT_NE(outcome.errors.find("warning: the cache cannot be used"), std::string::npos) << outcome.errors;
+    EXPECT_TRUE(cached.entries().empty());
+}
+
+// Such as those of other users. What can be removed makes up for them.
+TEST(BakeCache, EntriesThatCannotBeRemovedAreOneWarning)
+{
+    Cached cached;
+    for (const char first : {'0', '1', '2', '3'})
+        for (const char second : std::string_view("0123456789abcdef")) {
+            const fs::path part = fs::path(cached.cache) / "micromaps" / (std::string{first} + second);
+            fs::create_directories(part);
+            for (const char *name : {"1", "2", "3", "4"})
+                writeFile(part / name, {1});
+        }
+    const Outcome outcome =
+        runVellum({"bake", (cached.folder / "card.glb").string(), "-", "--cache", cached.cache, "--cache-size", "1M"},
+                  {{"LD_PRELOAD", VELLUM_STOPPED_CALL},
+                   {"VELLUM_STOPPED_CALL", "-1"},
+                   {"VELLUM_REMOVE_ERROR", std::to_string(EPERM)}});
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+    EXPECT_NE(outcome.errors.find("cannot be removed: "), std::string::npos) << outcome.errors;
 }
 
 // Killed at each call that changes a file.

@@ -2,13 +2,17 @@
 // Preloaded into a program: the process stops itself before one of the calls that change files, which whoever waits for
 // it sees (WUNTRACED). VELLUM_STOPPED_CALL is the number of that call, from 0; -1 for none. VELLUM_WRITE_ERROR is the
 // error of every write of more than 1 KiB, or VELLUM_WRITE_MOST bytes, to a file, VELLUM_ACCESS_ERROR that of every
-// question whether a folder can be written. VELLUM_FREE_BYTES is what is free in every file system. What a program
-// prints does not count: the C library does not call its own write() by this name, and what write() gets must be a
-// file.
+// question whether a folder can be written, VELLUM_REMOVE_ERROR that of every file that is to be removed.
+// VELLUM_SYNC_ERROR is that of every fsync() of a file system on which no file is without a name. VELLUM_FREE_BYTES is
+// what is free in every file system. What a program prints does not count: the C library does not call its own write()
+// by this name, and what write() gets must be a file.
 #include <cerrno>
 #include <csignal>
+#include <cstdarg>
+#include <cstdio>
 #include <cstdlib>
 #include <dlfcn.h>
+#include <fcntl.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
@@ -62,6 +66,29 @@ int access(const char *path, int mode)
     if ((mode & W_OK) != 0 && failsBy("VELLUM_ACCESS_ERROR"))
         return -1;
     return next(access, "access")(path, mode);
+}
+
+int remove(const char *path)
+{
+    return failsBy("VELLUM_REMOVE_ERROR") ? -1 : next(remove, "remove")(path);
+}
+
+int open(const char *path, int flags, ...)
+{
+    va_list arguments;
+    va_start(arguments, flags);
+    const mode_t mode = (flags & (O_CREAT | O_TMPFILE)) != 0 ? va_arg(arguments, mode_t) : 0;
+    va_end(arguments);
+    if ((flags & O_TMPFILE) == O_TMPFILE && std::getenv("VELLUM_SYNC_ERROR") != nullptr) {
+        errno = EOPNOTSUPP;
+        return -1;
+    }
+    return next(open, "open")(path, flags, mode);
+}
+
+int fsync(int file)
+{
+    return failsBy("VELLUM_SYNC_ERROR") ? -1 : next(fsync, "fsync")(file);
 }
 
 int statvfs(const char *path, struct statvfs *facts)

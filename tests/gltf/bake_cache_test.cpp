@@ -502,6 +502,43 @@ TEST(CacheFolder, RemovesWhatWasNotUsed)
     EXPECT_EQ(cache.problem(), "");
 }
 
+// As processes that keep one value each. A folder's part: 64 blocks, of which 4 are put before it is counted.
+TEST(CacheFolder, OfManyProcessesSomeCountItsBytes)
+{
+    const TemporaryFolder folder;
+    constexpr uint64_t kSize = CacheFolder::kFolders * 64 * 4096;
+    for (uint32_t i = 0; i < 250; ++i)
+        CacheFolder(folder / "cache", kSize).put(keyIn(5, static_cast<uint8_t>(i)), valueOf(100, 1));
+    EXPECT_LE(filesIn(folder / "cache").size(), 128u);
+    // Of folders that are full, a process with one small value counts few.
+    size_t counted = 0;
+    for (const char *name : {"a", "b", "c", "d"}) {
+        const fs::path old = folder / name / "micromaps/05/old";
+        fs::create_directories(old.parent_path());
+        writeFile(old, {1});
+        fs::resize_file(old, 65u << 20);
+        CacheFolder(folder / name, CacheFolder::kFolders * (uint64_t{64} << 20)).put(keyIn(5, 1), valueOf(100, 1));
+        counted += fs::exists(old) ? 0u : 1u;
+    }
+    EXPECT_LT(counted, 4u);
+}
+
+// By their hidden names, until a process that would still write them must have been killed.
+TEST(CacheFolder, FilesThatAreBeingWrittenStay)
+{
+    const TemporaryFolder folder;
+    const fs::path file = folder / "micromaps/05/.new";
+    fs::create_directories(file.parent_path());
+    writeFile(file, valueOf(9 * 4096, 1));
+    CacheFolder cache(folder.path(), CacheFolder::kFolders * 8 * 4096);
+    cache.put(keyIn(5, 1), valueOf(100, 1));
+    EXPECT_TRUE(fs::exists(file));
+    fs::last_write_time(file, fs::file_time_type::clock::now() - std::chrono::hours(2));
+    cache.put(keyIn(5, 2), valueOf(100, 1));
+    EXPECT_FALSE(fs::exists(file));
+    EXPECT_TRUE(cache.get(keyIn(5, 1)));
+}
+
 TEST(CacheFolder, SharedByThreads)
 {
     const TemporaryFolder folder;

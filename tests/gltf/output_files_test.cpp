@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gltf/file/output_files.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <set>
 #include <unistd.h>
@@ -8,6 +9,7 @@
 #include "bake/bake.h"
 #include "glb_file.h"
 #include "gltf/file/gltf_error.h"
+#include "gltf/file/new_file.h"
 
 using namespace vellum;
 using namespace vellum::test;
@@ -54,6 +56,19 @@ TEST(OutputFiles, AppearWhenTheyArePublished)
     EXPECT_EQ(textOf(folder / "old"), "newer");
     EXPECT_EQ(entries(folder.path()), 2u);
     EXPECT_EQ(entries(folder / "a/b"), 1u);
+}
+
+// As on a file server that repeated the request.
+TEST(OutputFiles, NoOtherNameStaysOfAFileThatHasAppearedAlready)
+{
+    const TemporaryFolder folder;
+    NewFile file(folder / "new");
+    file.write(std::vector<uint8_t>{'x'});
+    ASSERT_EQ(linkat(AT_FDCWD, file.readable().c_str(), AT_FDCWD, file.path().c_str(), AT_SYMLINK_FOLLOW), 0);
+    EXPECT_EQ(file.appear(), NewFile::Appeared::No);
+    file.replace();
+    EXPECT_EQ(textOf(folder / "new"), "x");
+    EXPECT_EQ(entries(folder.path()), 1u);
 }
 
 TEST(OutputFiles, NamesMayHaveAnyCharacters)

@@ -2,7 +2,9 @@
 #include "gltf/file/cache_folder.h"
 
 #include <algorithm>
+#include <chrono>
 #include <fstream>
+#include <random>
 #include <string_view>
 
 #include "core/utf8_path.h"
@@ -19,8 +21,11 @@ namespace fs = std::filesystem;
 constexpr uint64_t kBlock = 4096;
 // Of a full folder's part, free once the oldest values are removed.
 constexpr uint64_t kFreed = 10;
-// Of a folder's part, what a process may put before it counts the folder's bytes again: others put values as well.
+// Of a folder's part, what a process may put before it counts the folder's bytes: others put values as well.
 constexpr uint64_t kUnchecked = 16;
+
+// After which a file with a temporary name is one that a killed process left.
+constexpr std::chrono::hours kLongestWrite{1};
 
 uint64_t onDisk(uint64_t bytes)
 {
@@ -42,6 +47,9 @@ std::string hex(std::span<const uint8_t> bytes)
 
 CacheFolder::CacheFolder(const fs::path &folder, uint64_t size) : folder_(folder / "micromaps"), part_(size / kFolders)
 {
+    std::random_device device;
+    std::uniform_int_distribution<uint64_t> any(0, part_ / kUnchecked);
+    std::generate(unchecked_.begin(), unchecked_.end(), [&] { return any(device); });
 }
 
 size_t CacheFolder::numberOf(const Digest &key) const
@@ -114,14 +122,14 @@ void CacheFolder::put(const Digest &key, std::span<const uint8_t> value)
         writing_ = false;
         return;
     }
-    const std::lock_guard lock(mutex_);
-    std::optional<uint64_t> &unchecked = unchecked_[number];
-    if (unchecked)
-        *unchecked += bytes;
-    if (!unchecked || *unchecked > part_ / kUnchecked) {
-        removeOldest(number);
-        unchecked = 0;
+    {
+        const std::lock_guard lock(mutex_);
+        unchecked_[number] += bytes;
+        if (unchecked_[number] <= part_ / kUnchecked)
+            return;
+        unchecked_[number] = 0;
     }
+    removeOldest(number);
 }
 
 // Where a folder has more bytes than its part. Files may appear and disappear meanwhile.
@@ -133,6 +141,7 @@ void CacheFolder::removeOldest(size_t number)
         uint64_t bytes;
     };
     std::vector<File> files;
+    const auto now = fs::file_time_type::clock::now();
     uint64_t all = 0;
     std::error_code error;
     for (fs::directory_iterator entry(folderOf(number), error); !error && entry != fs::directory_iterator();
@@ -140,7 +149,8 @@ void CacheFolder::removeOldest(size_t number)
         std::error_code gone;
         const fs::file_time_type used = entry->last_write_time(gone);
         const uintmax_t bytes = gone ? 0 : entry->file_size(gone);
-        if (gone)
+        const bool temporary = entry->path().filename().native().front() == '.';
+        if (gone || (temporary && used > now - kLongestWrite))
             continue;
         files.push_back({used, entry->path(), onDisk(bytes)});
         all += files.back().bytes;
@@ -150,7 +160,10 @@ void CacheFolder::removeOldest(size_t number)
     std::sort(files.begin(), files.end(), [](const File &a, const File &b) { return a.used < b.used; });
     for (size_t i = 0; i < files.size() && all > part_ - part_ / kFreed; ++i) {
         fs::remove(files[i].path, error);
-        all -= files[i].bytes;
+        if (error)
+            note(utf8Text(files[i].path) + " cannot be removed: " + error.message());
+        else
+            all -= files[i].bytes;
     }
 }
 

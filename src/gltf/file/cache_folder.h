@@ -52,7 +52,9 @@ private:
     mutable std::mutex mutex_;
     std::string problem_;
     bool writing_ = true;
-    std::array<std::optional<uint64_t>, kFolders> unchecked_; // bytes that this process put since it counted a folder's
+    // For each folder, bytes that were put since it was counted. They begin anywhere, so that of processes that put one
+    // value each some count as well.
+    std::array<uint64_t, kFolders> unchecked_;
 };
 
 } // namespace vellum

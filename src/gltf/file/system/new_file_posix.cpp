@@ -106,6 +106,9 @@ std::filesystem::path NewFile::readable() const
 
 NewFile::Appeared NewFile::appear()
 {
+    // Perhaps on a file server, which reports a lack of space only now, and shows others the name before the bytes.
+    if (!temporary_.empty())
+        finish();
     if (linkTo(readable(), path_))
         return Appeared::New;
     if (errno == EEXIST)
@@ -135,6 +138,9 @@ void NewFile::replace()
     }
     if (rename(temporary_.c_str(), path_.c_str()) != 0)
         fail();
+    // Still there where the file had both names: a server reports a link that it has made as failed if the request was
+    // repeated.
+    unlink(temporary_.c_str());
     temporary_.clear();
 }
 
