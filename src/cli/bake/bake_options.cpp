@@ -47,9 +47,9 @@ Both may be the same file.
 --cache keeps each micromap in a folder, by a digest of all that determines it: the bytes of the image, the sampler, the
 texture coordinates of the triangles, the cutoff, the options and the version of the baker. A file whose micromaps are
 there is neither decoded nor baked, and gets the same bytes. Names, positions and other meshes do not matter. With
---budget, all micromaps of a file are kept together. Any number of processes and machines may share the folder, which
-takes --cache-size at most: what was not used for the longest time is removed. Damaged micromaps are baked again. If the
-folder cannot be used, a warning says why, and everything is baked.
+--budget and --target-known, all micromaps of a file are kept together, and positions matter. Any number of processes
+and machines may share the folder, which takes --cache-size at most: what was not used for the longest time is removed.
+Damaged micromaps are baked again. If the folder cannot be used, a warning says why, and everything is baked.
 
 --depfile states for each output the input and the files that this names, and replaces FILE. A build that needs every
 output also needs --copy.
