@@ -17,6 +17,8 @@
 #include <sys/resource.h>
 #endif
 
+#include "compressed.h"
+#include "core/hash.h"
 #include "glb_file.h"
 #include "gltf/file/cache_folder.h"
 #include "gltf/file/gltf_error.h"
@@ -403,6 +405,52 @@ TEST(BakeCache, WhatTheResultDependsOnDoesNot)
     bakes.options.bake.level.reset();
     EXPECT_EQ(bakes.hits(), 0u);
     EXPECT_EQ(bakes.hits(), 1u);
+}
+
+// Keys have images and accessors as they are stored, so a version also has what becomes of them.
+TEST(BakeCache, ResultsOfFilesAreThoseOfTheVersion)
+{
+    TestRandom random(3);
+    constexpr uint32_t kSize = 64;
+    const auto blobs = [&](size_t bytesPerTexel) {
+        Bytes texels(kSize * kSize * bytesPerTexel);
+        Bytes coarse(64);
+        for (uint8_t &value : coarse)
+            value = static_cast<uint8_t>(random() % 256);
+        for (size_t i = 0; i < texels.size(); ++i) {
+            const size_t texel = i / bytesPerTexel;
+            texels[i] = static_cast<uint8_t>(coarse[texel / 512 * 8 + texel % 64 / 8] + random() % 64);
+        }
+        return texels;
+    };
+    const Bytes images[] = {pngImage(kSize, kSize, 8, kRgba, false, blobs(4)),
+                            pngImage(kSize, kSize, 16, kGrayAlpha, false, blobs(4)), jpegImage(kSize, kSize, blobs(3))};
+    const std::pair<std::string, std::string> linear = {R"("magFilter": 9728, )", ""};
+    const std::vector<Replacements> readings = {
+        {},
+        {linear, {R"("wrapS": 33071, "wrapT": 33648)", R"("wrapS": 10497)"}},
+        {linear,
+         {R"("index": 0})",
+          R"("index": 0, "extensions": {"KHR_texture_transform": {"scale": [0.3, 1.7], "rotation": 1}}})"}},
+        {{R"("alphaMode": "MASK", "alphaCutoff": 0.25)", R"("alphaMode": "BLEND")"}},
+    };
+    const TemporaryFolder folder;
+    DocumentBakeOptions options;
+    options.blend = true;
+    uint64_t all = 0;
+    const auto add = [&](const auto &values) { all = hashBytes(values.data(), values.size() * sizeof values[0], all); };
+    for (const Bytes &image : images)
+        for (const Replacements &reading : readings) {
+            writeCardGltf(folder / "card.gltf", image, reading);
+            const DocumentBake bake = bakeDocument(Document(folder / "card.gltf"), options);
+            ASSERT_EQ(bake.micromaps.size(), 1u);
+            add(bake.micromaps[0].data);
+            add(bake.micromaps[0].triangles);
+            add(bake.primitives.at(0).micromap.indices);
+        }
+    // If results have to differ: raise kBakeVersion, and write the new hash here.
+    EXPECT_EQ(kBakeVersion, 1u);
+    EXPECT_EQ(all, 8506572873737079560u);
 }
 
 // A budget is shared over all of a file, by the surface of its triangles.
