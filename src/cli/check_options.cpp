@@ -42,7 +42,7 @@ Examples:
       one failure again
   vellum check --quick --shard 2/8 -o results-2
   vellum check --merge results-* -o results
-      one of eight machines, and then the results of all; it fails where a shard is missing
+      one of eight machines, and then the results of all; it fails where a shard is missing or has not ended
 )";
 
 constexpr uint32_t kMostJobs = 4; // without --jobs

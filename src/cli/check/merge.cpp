@@ -153,7 +153,9 @@ MergedRuns mergeRuns(const std::vector<std::filesystem::path> &paths)
     MergedRuns merged;
     merged.facts = runs.front().facts;
     merged.facts.plan.clear();
-    merged.facts.incomplete = missingShards(runs);
+    std::string &incomplete = merged.facts.incomplete;
+    const auto addIncomplete = [&](const std::string &why) { incomplete += (incomplete.empty() ? "" : "; ") + why; };
+    incomplete.clear();
     merged.facts.seconds = 0;
     std::map<std::string, const Run *> cases;
     for (const Run &run : runs) {
@@ -161,8 +163,7 @@ MergedRuns mergeRuns(const std::vector<std::filesystem::path> &paths)
         addPlan(run.facts.plan, merged.facts.plan);
         merged.facts.seconds += run.facts.seconds;
         if (!run.facts.incomplete.empty())
-            merged.facts.incomplete +=
-                (merged.facts.incomplete.empty() ? "" : "; ") + utf8Text(run.folder) + ": " + run.facts.incomplete;
+            addIncomplete(utf8Text(run.folder) + ": " + run.facts.incomplete);
         for (const CaseResult &result : run.results) {
             const std::string name = nameOf(result.id);
             const auto [known, added] = cases.emplace(name, &run);
@@ -172,6 +173,8 @@ MergedRuns mergeRuns(const std::vector<std::filesystem::path> &paths)
             merged.results.push_back(result);
         }
     }
+    if (const std::string missing = missingShards(runs); !missing.empty())
+        addIncomplete(missing);
     return merged;
 }
 

@@ -300,9 +300,8 @@ std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &re
     const CheckTally tally = tallyOf(results, facts.plan);
     JsonWriter json;
     beginReport(json, "check");
-    json.member("version", facts.version)
-        .member("device", facts.device.name)
-        .member("implementation", facts.device.implementation);
+    json.member("version", facts.version);
+    json.member("device", facts.device.name).member("implementation", facts.device.implementation);
     json.member("seed", std::to_string(facts.seed)).member("seconds", facts.seconds);
     json.member("selection", facts.selection);
     if (!facts.incomplete.empty())
