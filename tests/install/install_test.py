@@ -130,8 +130,11 @@ class Installation(unittest.TestCase):
             self.assertIn(f"VK_{extension.upper()}_opacity_micromap on ", output)
             counts.add(output.splitlines()[1])
         self.assertEqual(len(counts), 1, counts)
-        self.assertIn(*counts, (options.source / "docs/vulkan-integration.md").read_text())
-        self.assertRegex(counts.pop(), r"^\d+ of 40000 rays pass, \d+ alpha tests, 0 rays differ from the texture$")
+        counted = r"^(\d+ of 40000 rays pass), (\d+) alpha tests, 0 rays differ from the texture$"
+        passing, tests = re.search(counted, counts.pop()).groups()
+        documented = re.search(counted, (options.source / "docs/vulkan-integration.md").read_text(), re.M).groups()
+        self.assertEqual(passing, documented[0])
+        self.assertAlmostEqual(int(tests), int(documented[1]), delta=10)  # drivers differ in what lies on edges
 
     def test_c_by_pkg_config(self):
         self.check_example(self.build_by_pkg_config("c", options.cc, "-std=c99"))
@@ -211,7 +214,7 @@ class Installation(unittest.TestCase):
               message(FATAL_ERROR "later version found")
             endif()
             """)
-        run(options.cmake, "-S", project, "-B", project / "build", f"-DCMAKE_PREFIX_PATH={self.prefix}")
+        run(options.cmake, "-S", project, "-B", project / "build", "-G", options.generator, f"-DCMAKE_PREFIX_PATH={self.prefix}")
         self.assertEqual(run("pkg-config", "--modversion", "vellum", environment={
             "PKG_CONFIG_PATH": str(self.lib / "pkgconfig")}).strip(), options.version)
 

@@ -23,7 +23,7 @@ struct FalseAlarm {
     const char *id;
     const char *text; // part of the message
 };
-constexpr std::array<FalseAlarm, 11> kFalseAlarms{{
+constexpr std::array<FalseAlarm, 12> kFalseAlarms{{
     // 1.3.239 takes device extensions newer than itself for unknown instead of leaving them alone.
     {"UNASSIGNED-khronos-validation-createdevice", "is not supported by this layer"},
     // The registry of that version requires it; later ones make it optional for geometry with special indices.
