@@ -23,7 +23,7 @@ struct FalseAlarm {
     const char *id;
     const char *text; // part of the message
 };
-constexpr std::array<FalseAlarm, 12> kFalseAlarms{{
+constexpr FalseAlarm kFalseAlarms[] = {
     // 1.3.239 takes device extensions newer than itself for unknown instead of leaving them alone.
     {"UNASSIGNED-khronos-validation-createdevice", "is not supported by this layer"},
     // The registry of that version requires it; later ones make it optional for geometry with special indices.
@@ -34,6 +34,7 @@ constexpr std::array<FalseAlarm, 12> kFalseAlarms{{
     {"VUID-VkCopyAccelerationStructureInfoKHR-dst-07791", "memory overlap"},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-03703",
      "overlaps with dstAccelerationStructure"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-scratchData-03705", "overlaps with srcAccelerationStructure"},
     // 1.4.363 wants multiples of the format's size also of formats that are not packed.
     {"VUID-VkAccelerationStructureBuildRangeInfoKHR-primitiveOffset-03657", "is not a multiple of"},
     // 1.4.363 does not count the stages of libraries in libraries. What a group names shows in what rays hit.
@@ -44,7 +45,7 @@ constexpr std::array<FalseAlarm, 12> kFalseAlarms{{
     // Right, of shaders and pipelines that are meant to use no micromaps; ForgottenMicromaps looks at them.
     {"VELLUM-queries-without-micromaps", ""},
     {"VELLUM-pipeline-without-micromaps", ""},
-}};
+};
 
 #if defined(__SANITIZE_THREAD__) || defined(_WIN32) // no validation layer is available here
 constexpr bool kHasValidation = false;
@@ -268,7 +269,7 @@ std::vector<Message> Messages::takeUnexpectedMessages()
                std::find(broken_.begin(), broken_.end(), m.id) != broken_.end();
     });
     std::erase_if(messages, [](const Message &m) {
-        return std::any_of(kFalseAlarms.begin(), kFalseAlarms.end(), [&m](const FalseAlarm &alarm) {
+        return std::ranges::any_of(kFalseAlarms, [&m](const FalseAlarm &alarm) {
             return m.id == alarm.id && m.text.find(alarm.text) != std::string::npos;
         });
     });
