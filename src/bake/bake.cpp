@@ -40,7 +40,9 @@ private:
 MicromapAssembly::MicromapAssembly(uint64_t bytes) : slots_(64, -1)
 {
     // Capacity that is never used costs addresses only; a vector that grows needs the old and the new memory at once.
-    reserveLarge(micromap.data, bytes);
+    // Addresses of 32 bits are memory.
+    constexpr uint64_t kMost = sizeof(size_t) > 4 ? UINT64_MAX : uint64_t{1} << 24;
+    reserveLarge(micromap.data, static_cast<size_t>(std::min(bytes, kMost)));
 }
 
 void MicromapAssembly::grow()

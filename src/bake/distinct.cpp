@@ -2,11 +2,11 @@
 #include "bake/distinct.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <string>
 
 #include "bake/option_ranges.h"
+#include "core/bit_cast.h"
 #include "core/curve.h"
 #include "core/hash.h"
 
@@ -117,8 +117,8 @@ void DistinctTriangles::add(const BakeInput &input, const BakeOptions &options)
         const uint32_t level = input.levels.empty() ? kNoLevel : input.levels[i];
         DistinctKey key{which, level << 8 | static_cast<uint32_t>(format), input.group, {}};
         for (size_t k = 0; k < 3; ++k) {
-            key.uvs[2 * k] = std::bit_cast<uint32_t>(uvs[k].u);
-            key.uvs[2 * k + 1] = std::bit_cast<uint32_t>(uvs[k].v);
+            key.uvs[2 * k] = bitCast<uint32_t>(uvs[k].u);
+            key.uvs[2 * k + 1] = bitCast<uint32_t>(uvs[k].v);
         }
         const uint64_t hash = hashBytes(&key, sizeof key);
         size_t slot = hash & (slots_.size() - 1);

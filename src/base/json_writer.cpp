@@ -2,10 +2,10 @@
 #include "base/json_writer.h"
 
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
 
+#include "base/real_text.h"
 #include "base/text.h"
 
 namespace vellum
@@ -114,10 +114,7 @@ JsonWriter &JsonWriter::real(double number, bool single)
 {
     if (!std::isfinite(number))
         return null();
-    std::array<char, 32> digits{};
-    const auto written = single ? std::to_chars(digits.begin(), digits.end(), static_cast<float>(number))
-                                : std::to_chars(digits.begin(), digits.end(), number);
-    return json({digits.data(), written.ptr});
+    return json(single ? shortestText(static_cast<float>(number)) : shortestText(number));
 }
 
 } // namespace vellum

@@ -164,8 +164,9 @@ void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out)
     uint64_t last = 0;
     const bool stays = !input.share && staysInPlace(input, triangles, last);
     if (input.copiedAhead > 0)
-        std::memcpy(units, input.data,
-                    std::min<uint64_t>(input.copiedAhead, uint64_t{input.capacityUnits} * kDataUnitBytes));
+        std::memcpy(
+            units, input.data,
+            static_cast<size_t>(std::min<uint64_t>(input.copiedAhead, uint64_t{input.capacityUnits} * kDataUnitBytes)));
     uint64_t next = 0;
     for (uint32_t i = 0; i < count; ++i) {
         Triangle &t = triangles[i];
@@ -192,9 +193,9 @@ void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out)
         if (stays) { // also what nothing refers to, as on the device, so that data without gaps has the same bytes
             const uint64_t at = std::min<uint64_t>(t.dataOffset, last * kDataUnitBytes);
             std::memcpy(units + at, input.data + t.dataOffset,
-                        std::min<uint64_t>(t.bytes(), last * kDataUnitBytes - at));
+                        static_cast<size_t>(std::min<uint64_t>(t.bytes(), last * kDataUnitBytes - at)));
         } else if (own > 0) {
-            std::memset(units + next * kDataUnitBytes, 0, own * kDataUnitBytes);
+            std::memset(units + next * kDataUnitBytes, 0, static_cast<size_t>(own * kDataUnitBytes));
             std::memcpy(units + next * kDataUnitBytes, input.data + t.dataOffset, t.bytes());
         }
         const auto unit = static_cast<uint32_t>(next);

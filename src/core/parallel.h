@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
+#include <cstdint>
 #include <exception>
 #include <functional>
 #include <mutex>
@@ -41,7 +42,7 @@ void inParallel(unsigned threads, size_t count, Function &&function)
         }
     };
     {
-        std::vector<std::jthread> others;
+        std::vector<std::thread> others;
         try {
             for (size_t i = 1; i < threads && i < count; ++i)
                 others.emplace_back(work);
@@ -49,6 +50,8 @@ void inParallel(unsigned threads, size_t count, Function &&function)
             // Without memory or permission for another thread, the existing ones do the work.
         }
         work();
+        for (std::thread &other : others)
+            other.join();
     }
     if (failure)
         std::rethrow_exception(failure);
@@ -69,12 +72,12 @@ class Progress
 public:
     Progress(const std::function<void(size_t, size_t)> &callback, size_t total) : callback_(callback), total_(total) {}
     // May be called from any thread.
-    void done(size_t count)
+    void done(uint64_t count)
     {
         if (!callback_)
             return;
         const std::lock_guard lock(mutex_);
-        done_ += count;
+        done_ += static_cast<size_t>(count);
         if (done_ < next_ && done_ < total_)
             return;
         next_ = done_ + total_ / 256;

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "bake/numbers/float4.h"
+#include "core/bit_cast.h"
 
 namespace vellum
 {
@@ -37,7 +38,7 @@ struct Classes {
 
     [[nodiscard]] uint8_t operator()(float alpha) const
     {
-        if ((std::bit_cast<uint32_t>(alpha) & kMagnitude) >= kInfinity)
+        if ((bitCast<uint32_t>(alpha) & kMagnitude) >= kInfinity)
             return 0;
         return static_cast<uint8_t>((alpha >= opaqueFrom ? kSurelyOpaque : 0) |
                                     (alpha < transparentBelow ? kSurelyTransparent : 0));

@@ -88,7 +88,7 @@ std::optional<std::vector<uint8_t>> CacheFolder::get(const Digest &key)
     }
     if (size > part_)
         return std::nullopt;
-    std::vector<uint8_t> value(size);
+    std::vector<uint8_t> value(static_cast<size_t>(size));
     std::ifstream file(path, std::ios::binary);
     if (!file && fs::exists(path, error)) // otherwise it has just been removed
         note(utf8Text(path) + " cannot be read");

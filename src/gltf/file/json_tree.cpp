@@ -8,6 +8,7 @@
 #include <rapidjson/memorystream.h>
 #include <rapidjson/reader.h>
 
+#include "base/real_text.h"
 #include "gltf/file/gltf_error.h"
 
 namespace vellum
@@ -185,11 +186,7 @@ std::optional<double> JsonValue::number() const
 {
     if (!exists() || node().kind != JsonTree::Kind::Scalar)
         return std::nullopt;
-    const std::string_view digits = text();
-    const char *last = digits.data() + digits.size();
-    double value = 0;
-    const auto read = std::from_chars(digits.data(), last, value);
-    return read.ec == std::errc() && read.ptr == last ? std::optional(value) : std::nullopt;
+    return parseReal(text());
 }
 
 std::optional<std::string> JsonValue::string() const

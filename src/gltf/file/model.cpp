@@ -61,6 +61,8 @@ public:
         const auto integer = value.integer();
         if (!integer || *integer < 0)
             throw GltfError(place_ + ": \"" + std::string(name) + "\" is not an integer of at least 0");
+        if (static_cast<uint64_t>(*integer) > std::numeric_limits<size_t>::max())
+            throw GltfError(place_ + ": \"" + std::string(name) + "\" is too large");
         return static_cast<size_t>(*integer);
     }
     [[nodiscard]] size_t requiredSize(std::string_view name) const
@@ -365,7 +367,7 @@ Buffer ModelReader::bufferOf(const Members &buffer, size_t index) const
             throw GltfError(what + "has " + std::to_string(length) + " bytes, there are " +
                             std::to_string(result.data.size()));
     }
-    result.data = result.data.first(length);
+    result.data = result.data.first(static_cast<size_t>(length));
     return result;
 }
 

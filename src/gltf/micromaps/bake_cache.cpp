@@ -118,9 +118,10 @@ bool take(std::span<const uint8_t> &from, uint64_t count, T *to)
 {
     if (count > from.size() / sizeof(T))
         return false;
+    const size_t bytes = static_cast<size_t>(count) * sizeof(T);
     if (count != 0)
-        std::memcpy(to, from.data(), count * sizeof(T));
-    from = from.subspan(count * sizeof(T));
+        std::memcpy(to, from.data(), bytes);
+    from = from.subspan(bytes);
     return true;
 }
 
@@ -129,7 +130,7 @@ bool take(std::span<const uint8_t> &from, uint64_t count, std::vector<T> &to)
 {
     if (count > from.size() / sizeof(T))
         return false;
-    to.resize(count);
+    to.resize(static_cast<size_t>(count));
     return take(from, count, to.data());
 }
 

@@ -19,7 +19,7 @@ std::optional<int> changedMaterial(const std::string &pointer)
     const auto read = std::from_chars(pointer.data() + kMaterials.size(), end, material);
     if (read.ec != std::errc())
         return std::nullopt;
-    const std::string_view rest(read.ptr, end);
+    const std::string_view rest(read.ptr, static_cast<size_t>(end - read.ptr));
     if (rest.find("alphaCutoff") == std::string_view::npos && rest.find("baseColor") == std::string_view::npos)
         return std::nullopt;
     return material;

@@ -276,10 +276,11 @@ std::span<const int32_t> DocumentBaker::takeResult(Source &source, const Microma
     std::vector<int32_t> numbers(micromap.triangles.size());
     for (const int32_t index : used) {
         MicromapTriangle triangle = micromap.triangles[static_cast<size_t>(index)];
-        const auto begin = micromap.data.begin() + triangle.dataOffset;
+        const auto begin = micromap.data.begin() + static_cast<ptrdiff_t>(triangle.dataOffset);
         numbers[static_cast<size_t>(index)] = static_cast<int32_t>(stored.triangles.size());
         triangle.dataOffset = static_cast<uint32_t>(stored.data.size());
-        stored.data.insert(stored.data.end(), begin, begin + packedBytes(triangle.subdivisionLevel, triangle.format));
+        const auto bytes = static_cast<ptrdiff_t>(packedBytes(triangle.subdivisionLevel, triangle.format));
+        stored.data.insert(stored.data.end(), begin, begin + bytes);
         stored.triangles.push_back(triangle);
     }
     if (stored.triangles.empty()) {

@@ -380,9 +380,10 @@ void ExtensionReader::readPrimitive(PrimitivePlace place, const JsonValue &exten
 {
     if (!extension.isObject())
         fail(stored_.extension + " is not an object");
-    const auto micromap = static_cast<size_t>(required(extension, "micromap"));
-    if (micromap >= stored_.micromaps.size())
-        fail("micromap " + number(micromap) + " does not exist");
+    const int64_t named = required(extension, "micromap");
+    if (named >= static_cast<int64_t>(stored_.micromaps.size()))
+        fail("micromap " + std::to_string(named) + " does not exist");
+    const auto micromap = static_cast<size_t>(named);
     int64_t base = 0;
     if (extension["micromapBaseTriangle"].exists())
         base = required(extension, "micromapBaseTriangle");
@@ -402,8 +403,8 @@ void ExtensionReader::readPrimitive(PrimitivePlace place, const JsonValue &exten
         if (triangles + primitive.baseTriangle > records)
             fail("its " + number(triangles) + " triangles from base triangle " + number(primitive.baseTriangle) +
                  " on are outside of the micromap's " + number(records) + " triangles");
-        account(triangles * sizeof(int32_t));
-        primitive.indices.resize(triangles);
+        account(static_cast<size_t>(triangles) * sizeof(int32_t));
+        primitive.indices.resize(static_cast<size_t>(triangles));
         std::iota(primitive.indices.begin(), primitive.indices.end(), 0);
     }
     const size_t before = findings_.size();

@@ -55,8 +55,8 @@ std::optional<Micromap> StoredMicromaps::of(PrimitivePlace place) const
     Micromap micromap;
     for (const uint32_t triangle : used) {
         MicromapTriangle copy = source.triangles[triangle];
-        const auto begin = source.data.begin() + copy.dataOffset;
-        const auto end = begin + packedBytes(copy.subdivisionLevel, copy.format);
+        const auto begin = source.data.begin() + static_cast<ptrdiff_t>(copy.dataOffset);
+        const auto end = begin + static_cast<ptrdiff_t>(packedBytes(copy.subdivisionLevel, copy.format));
         copy.dataOffset = static_cast<uint32_t>(micromap.data.size());
         micromap.data.insert(micromap.data.end(), begin, end);
         micromap.triangles.push_back(copy);
