@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
-#include <fstream>
 #include <optional>
 #include <random>
 
@@ -46,19 +45,21 @@ bool sameBytes(const std::filesystem::path &a, const std::filesystem::path &b)
     std::error_code error;
     if (std::filesystem::equivalent(a, b, error))
         return true;
-    if (std::filesystem::file_size(a, error) != std::filesystem::file_size(b, error) || error)
-        return false;
-    std::ifstream one(a, std::ios::binary);
-    std::ifstream other(b, std::ios::binary);
-    std::vector<char> first(size_t{1} << 16);
-    std::vector<char> second(first.size());
-    while (one && other) {
-        one.read(first.data(), static_cast<std::streamsize>(first.size()));
-        other.read(second.data(), static_cast<std::streamsize>(second.size()));
-        if (one.gcount() != other.gcount() || !std::equal(first.begin(), first.begin() + one.gcount(), second.begin()))
+    try {
+        InputFile one(a);
+        InputFile other(b);
+        if (one.size() != other.size())
             return false;
+        std::vector<uint8_t> first(size_t{1} << 16);
+        std::vector<uint8_t> second(first.size());
+        while (const size_t count = one.read(first))
+            if (other.read(std::span(second).first(count)) != count ||
+                !std::equal(first.begin(), first.begin() + static_cast<ptrdiff_t>(count), second.begin()))
+                return false;
+        return true;
+    } catch (const GltfError &) {
+        return false;
     }
-    return one.eof() && other.eof();
 }
 
 uint64_t FileContent::size() const
