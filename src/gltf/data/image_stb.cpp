@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Uses stb_image, in builds without the image libraries: PNG and JPEG.
+#include <array>
 #include <memory>
 #include <string_view>
-#include <zlib.h>
 
 #include "gltf/data/image_formats.h"
 
@@ -96,6 +96,25 @@ uint32_t wordAt(Encoded bytes, size_t at)
     return uint32_t{bytes[at]} << 24 | uint32_t{bytes[at + 1]} << 16 | uint32_t{bytes[at + 2]} << 8 | bytes[at + 3];
 }
 
+// The CRC of a PNG's chunks (ISO 3309).
+uint32_t checksumOf(Encoded bytes)
+{
+    static constexpr auto kTable = [] {
+        std::array<uint32_t, 256> table{};
+        for (uint32_t i = 0; i < table.size(); ++i) {
+            uint32_t rest = i;
+            for (int bit = 0; bit < 8; ++bit)
+                rest = (rest & 1) != 0 ? rest >> 1 ^ 0xedb88320 : rest >> 1;
+            table[i] = rest;
+        }
+        return table;
+    }();
+    uint32_t sum = 0xffffffff;
+    for (const uint8_t byte : bytes)
+        sum = kTable[(sum ^ byte) & 0xff] ^ sum >> 8;
+    return ~sum;
+}
+
 // All chunks are there, and those with texels are as they were written, which the library does not check.
 void checkPng(Encoded encoded, const std::string &what)
 {
@@ -108,7 +127,7 @@ void checkPng(Encoded encoded, const std::string &what)
         const Encoded checked = encoded.subspan(at + 4, size_t{4} + length);
         type = {reinterpret_cast<const char *>(checked.data()), 4};
         const bool ancillary = (type[0] & 0x20) != 0;
-        if (!ancillary && crc32_z(0, checked.data(), checked.size()) != wordAt(encoded, at + 8 + length))
+        if (!ancillary && checksumOf(checked) != wordAt(encoded, at + 8 + length))
             failToDecode(what, "it is damaged");
         at += kAround + length;
     }
