@@ -44,6 +44,12 @@ typedef struct VellumGltf VellumGltf;
 VELLUM_API VellumResult vellumReadGltf(const char *path, VellumMessageCallback message, void *userData,
                                        VellumGltf **gltf);
 
+// The same for the bytes of such a file in memory.
+//
+//   name  for messages, and the path to which files that a .gltf names are relative; not empty
+VELLUM_API VellumResult vellumReadGltfMemory(const void *bytes, size_t size, const char *name,
+                                             VellumMessageCallback message, void *userData, VellumGltf **gltf);
+
 // `gltf` may be null.
 VELLUM_API void vellumDestroyGltf(VellumGltf *gltf);
 
@@ -114,6 +120,11 @@ typedef void (*VellumGltfNoteCallback)(void *userData, const char *place, const 
 //   message, userData  as vellumReadGltf(); userData is for both callbacks
 VELLUM_API VellumResult vellumCheckGltf(const char *path, size_t most, VellumGltfNoteCallback finding,
                                         VellumMessageCallback message, void *userData);
+
+// The same for the bytes of a file in memory, as vellumReadGltfMemory().
+VELLUM_API VellumResult vellumCheckGltfMemory(const void *bytes, size_t size, const char *name, size_t most,
+                                              VellumGltfNoteCallback finding, VellumMessageCallback message,
+                                              void *userData);
 
 // ------------------------------------------------------------------------------------------------------------ baking
 
@@ -200,6 +211,18 @@ typedef struct VellumGltfBakeInfo {
 // Returns VELLUM_SUCCESS, VELLUM_CANCELLED or an error. A file without anything to bake is copied.
 VELLUM_API VellumResult vellumBakeGltf(const char *input, const char *output, const VellumBakeOptions *bake,
                                        const VellumGltfBakeOptions *options, VellumGltfBakeInfo *info);
+
+// Takes the next bytes of an output, which are valid during the call.
+typedef void (*VellumGltfOutputCallback)(void *userData, const void *bytes, size_t size);
+
+// The same for a file in memory: calls `output` with the parts of the output, in order, on the thread that called. A
+// .glb becomes a .glb, and a .gltf a .gltf with its micromaps inside (VELLUM_GLTF_BAKE_EMBED_BIT). Nothing is copied.
+//
+//   bytes, size, name  as vellumReadGltfMemory()
+//   output             with userData of `bake`; not called after an error
+VELLUM_API VellumResult vellumBakeGltfMemory(const void *bytes, size_t size, const char *name,
+                                             const VellumBakeOptions *bake, const VellumGltfBakeOptions *options,
+                                             VellumGltfOutputCallback output, VellumGltfBakeInfo *info);
 
 #ifdef __cplusplus
 }

@@ -72,10 +72,27 @@ auto ofFile(Function &&function)
     }
 }
 
-std::unique_ptr<VellumGltf> readFile(const std::filesystem::path &path)
+// The file of a path, or of bytes in memory.
+struct Source {
+    Source(const char *argument, const char *given) : path(pathOf(argument, given)) {}
+    Source(const void *given, size_t size, const char *name) : Source("name", name)
+    {
+        if (given == nullptr && size != 0)
+            throw invalid("bytes is null, but size is " + std::to_string(size));
+        const auto *first = static_cast<const uint8_t *>(given);
+        bytes.emplace(first, first + size);
+    }
+    // Once.
+    Document document() { return bytes ? Document(path, std::move(*bytes)) : Document(path); }
+
+    std::filesystem::path path;
+    std::optional<std::vector<uint8_t>> bytes;
+};
+
+std::unique_ptr<VellumGltf> readFile(Source source)
 {
     return ofFile([&] {
-        const Document document(path);
+        const Document document = source.document();
         auto read = std::make_unique<VellumGltf>();
         read->stored = readMicromaps(document);
         const std::vector<StoredMicromap> &micromaps = read->stored.micromaps;
@@ -109,9 +126,8 @@ std::vector<std::string> patterns(const char *member, const char *const *given, 
     return all;
 }
 
-FileBakeOptions readFileOptions(const VellumBakeOptions &bake, const VellumGltfBakeOptions &given)
+void readFileOptions(const VellumBakeOptions &bake, const VellumGltfBakeOptions &given, FileBakeOptions &options)
 {
-    FileBakeOptions options;
     options.bake = readOptions(bake);
     if (bake.compareOp != VELLUM_COMPARE_OP_GREATER_OR_EQUAL)
         throw invalid("compareOp is " + std::to_string(bake.compareOp) +
@@ -123,14 +139,13 @@ FileBakeOptions readFileOptions(const VellumBakeOptions &bake, const VellumGltfB
     if ((given.flags & ~kFlags) != 0)
         throw invalid("flags is " + std::to_string(given.flags) + ", not made of VellumGltfBakeFlagBits");
     options.blend = (given.flags & VELLUM_GLTF_BAKE_BLEND_BIT) != 0;
-    options.embed = (given.flags & VELLUM_GLTF_BAKE_EMBED_BIT) != 0;
+    options.embed = options.embed || (given.flags & VELLUM_GLTF_BAKE_EMBED_BIT) != 0;
     if (!std::isfinite(given.blendCutoff))
         throw invalid("blendCutoff is not finite");
     if ((given.flags & VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT) != 0)
         options.blendCutoff = given.blendCutoff;
     options.excludedMaterials = patterns("excludedMaterials", given.excludedMaterials, given.excludedMaterialCount);
     options.excludedMeshes = patterns("excludedMeshes", given.excludedMeshes, given.excludedMeshCount);
-    return options;
 }
 
 // The cache of these callbacks, either of which may be null.
@@ -176,17 +191,86 @@ VellumGltfBakeInfo infoOf(const FileBake &made)
     return info;
 }
 
-} // namespace
+// The functions of files and of memory, for what makes their Source.
 
-VellumResult vellumReadGltf(const char *path, VellumMessageCallback message, void *userData, VellumGltf **gltf)
+template <typename MakeSource>
+VellumResult read(MakeSource &&source, VellumMessageCallback message, void *userData, VellumGltf **gltf)
 {
     if (gltf != nullptr)
         *gltf = nullptr;
     return guarded(message, userData, [&] {
         if (gltf == nullptr)
             throw invalid("there is no place for the result");
-        *gltf = readFile(pathOf("path", path)).release();
+        *gltf = readFile(source()).release();
     });
+}
+
+template <typename MakeSource>
+VellumResult check(MakeSource &&source, size_t most, VellumGltfNoteCallback finding, VellumMessageCallback message,
+                   void *userData)
+{
+    return guarded(message, userData, [&] {
+        if (finding == nullptr)
+            throw invalid("there is no callback for findings");
+        Source file = source();
+        const std::vector<MicromapFinding> found =
+            ofFile([&] { return checkMicromaps(file.document(), most).findings; });
+        for (size_t i = 0; i < found.size() && i < most; ++i)
+            finding(userData, found[i].place.c_str(), found[i].message.c_str());
+    });
+}
+
+// `target` gets the options and userData; it returns the path of the output, or sets a sink.
+template <typename MakeSource, typename Target>
+VellumResult bakeInto(MakeSource &&source, Target &&target, const VellumBakeOptions *bake,
+                      const VellumGltfBakeOptions *options, VellumGltfBakeInfo *info)
+{
+    VellumBakeOptions known{};
+    if (const VellumResult readable = readOptionsOf(bake, known); readable != VELLUM_SUCCESS)
+        return readable;
+    return guarded(known.message, known.userData, [&] {
+        if (bake != nullptr)
+            checkUnknownPart(bake);
+        VellumGltfBakeOptions gltf = Structure<VellumGltfBakeOptions>::defaults();
+        if (options != nullptr) {
+            gltf = knownPart(options);
+            checkUnknownPart(options);
+        }
+        if (info != nullptr)
+            (void)checkedSize(info); // before anything is written
+        Source from = source();
+        FileBakeOptions wanted;
+        const std::filesystem::path to = target(wanted, known.userData);
+        readFileOptions(known, gltf, wanted);
+        wanted.cache = cacheOf(gltf, known.userData);
+        // Whoever stops the bake at its last triangle is heard before the first byte is written.
+        const Callbacks callbacks(known, wanted.bake);
+        const FileBake made = ofFile([&] {
+            try {
+                return bakeFile(from.document(), to, wanted);
+            } catch (const BakeTooLarge &error) {
+                throw Failure(VELLUM_ERROR_TOO_LARGE, utf8Text(from.path) + ": " + error.what());
+            }
+        });
+        if (info != nullptr)
+            fill(info, infoOf(made));
+        if (gltf.skipped != nullptr)
+            for (const SkippedPrimitive &primitive : made.bake.skipped)
+                gltf.skipped(known.userData, primitive.name.c_str(), primitive.reason.c_str());
+    });
+}
+
+} // namespace
+
+VellumResult vellumReadGltf(const char *path, VellumMessageCallback message, void *userData, VellumGltf **gltf)
+{
+    return read([&] { return Source("path", path); }, message, userData, gltf);
+}
+
+VellumResult vellumReadGltfMemory(const void *bytes, size_t size, const char *name, VellumMessageCallback message,
+                                  void *userData, VellumGltf **gltf)
+{
+    return read([&] { return Source(bytes, size, name); }, message, userData, gltf);
 }
 
 void vellumDestroyGltf(VellumGltf *gltf)
@@ -260,15 +344,13 @@ size_t vellumFindGltfPrimitive(const VellumGltf *gltf, uint32_t mesh, uint32_t p
 VellumResult vellumCheckGltf(const char *path, size_t most, VellumGltfNoteCallback finding,
                              VellumMessageCallback message, void *userData)
 {
-    return guarded(message, userData, [&] {
-        if (finding == nullptr)
-            throw invalid("there is no callback for findings");
-        const std::filesystem::path file = pathOf("path", path);
-        const std::vector<MicromapFinding> found =
-            ofFile([&] { return checkMicromaps(Document(file), most).findings; });
-        for (size_t i = 0; i < found.size() && i < most; ++i)
-            finding(userData, found[i].place.c_str(), found[i].message.c_str());
-    });
+    return check([&] { return Source("path", path); }, most, finding, message, userData);
+}
+
+VellumResult vellumCheckGltfMemory(const void *bytes, size_t size, const char *name, size_t most,
+                                   VellumGltfNoteCallback finding, VellumMessageCallback message, void *userData)
+{
+    return check([&] { return Source(bytes, size, name); }, most, finding, message, userData);
 }
 
 void vellumInitGltfBakeOptions(VellumGltfBakeOptions *options, size_t structSize)
@@ -279,36 +361,23 @@ void vellumInitGltfBakeOptions(VellumGltfBakeOptions *options, size_t structSize
 VellumResult vellumBakeGltf(const char *input, const char *output, const VellumBakeOptions *bake,
                             const VellumGltfBakeOptions *options, VellumGltfBakeInfo *info)
 {
-    VellumBakeOptions known{};
-    if (const VellumResult readable = readOptionsOf(bake, known); readable != VELLUM_SUCCESS)
-        return readable;
-    return guarded(known.message, known.userData, [&] {
-        if (bake != nullptr)
-            checkUnknownPart(bake);
-        VellumGltfBakeOptions gltf = Structure<VellumGltfBakeOptions>::defaults();
-        if (options != nullptr) {
-            gltf = knownPart(options);
-            checkUnknownPart(options);
-        }
-        if (info != nullptr)
-            (void)checkedSize(info); // before anything is written
-        const std::filesystem::path from = pathOf("input", input);
-        const std::filesystem::path to = pathOf("output", output);
-        FileBakeOptions wanted = readFileOptions(known, gltf);
-        wanted.cache = cacheOf(gltf, known.userData);
-        // Whoever stops the bake at its last triangle is heard before the first byte is written.
-        const Callbacks callbacks(known, wanted.bake);
-        const FileBake made = ofFile([&] {
-            try {
-                return bakeFile(from, to, wanted);
-            } catch (const BakeTooLarge &error) {
-                throw Failure(VELLUM_ERROR_TOO_LARGE, utf8Text(from) + ": " + error.what());
-            }
-        });
-        if (info != nullptr)
-            fill(info, infoOf(made));
-        if (gltf.skipped != nullptr)
-            for (const SkippedPrimitive &primitive : made.bake.skipped)
-                gltf.skipped(known.userData, primitive.name.c_str(), primitive.reason.c_str());
-    });
+    return bakeInto([&] { return Source("input", input); },
+                    [&](FileBakeOptions &, void *) { return pathOf("output", output); }, bake, options, info);
+}
+
+VellumResult vellumBakeGltfMemory(const void *bytes, size_t size, const char *name, const VellumBakeOptions *bake,
+                                  const VellumGltfBakeOptions *options, VellumGltfOutputCallback output,
+                                  VellumGltfBakeInfo *info)
+{
+    const auto sink = [&](FileBakeOptions &wanted, void *userData) {
+        if (output == nullptr)
+            throw invalid("there is no callback for the output");
+        wanted.embed = true;
+        wanted.sink = [=](const FileContent &content) {
+            for (const auto &piece : content.pieces())
+                output(userData, piece.data(), piece.size());
+        };
+        return std::filesystem::path();
+    };
+    return bakeInto([&] { return Source(bytes, size, name); }, sink, bake, options, info);
 }

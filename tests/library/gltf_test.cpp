@@ -575,3 +575,45 @@ TEST(LibraryGltf, OutOfMemory)
     failEach([&] { return vellumBakeGltf(input.c_str(), output.c_str(), &card.options, &card.more, nullptr); });
     failEach([&] { return vellumReadGltf(baked.c_str(), Card::onMessage, &card, &card.gltf); });
 }
+
+// A file in memory is what it is on a disk.
+TEST(LibraryGltf, Memory)
+{
+    Card card;
+    ASSERT_EQ(card.bake(), VELLUM_SUCCESS) << card.message;
+    const Bytes input = readFile(card.folder / "card.glb");
+    const Bytes expected = readFile(card.folder / "card.omm.glb");
+    const VellumGltfBakeInfo onDisk = card.info;
+    static Bytes output;
+    output.clear();
+    const VellumGltfOutputCallback append = [](void *, const void *bytes, size_t size) {
+        const auto *first = static_cast<const uint8_t *>(bytes);
+        output.insert(output.end(), first, first + size);
+    };
+    const std::string name = card.path("elsewhere.glb");
+    ASSERT_EQ(
+        vellumBakeGltfMemory(input.data(), input.size(), name.c_str(), &card.options, &card.more, append, &card.info),
+        VELLUM_SUCCESS)
+        << card.message;
+    EXPECT_EQ(output, expected);
+    EXPECT_EQ(std::memcmp(&card.info, &onDisk, sizeof onDisk), 0);
+
+    ASSERT_EQ(vellumReadGltfMemory(expected.data(), expected.size(), "card", Card::onMessage, &card, &card.gltf),
+              VELLUM_SUCCESS);
+    EXPECT_EQ(card.primitive(0).indexCount, 2u);
+    card.notes.clear();
+    EXPECT_EQ(vellumCheckGltfMemory(expected.data(), expected.size(), "card", 10, Card::note, Card::onMessage, &card),
+              VELLUM_SUCCESS);
+    EXPECT_TRUE(card.notes.empty());
+
+    vellumDestroyGltf(card.gltf);
+    EXPECT_EQ(vellumReadGltfMemory(expected.data(), 100, "card", Card::onMessage, &card, &card.gltf),
+              VELLUM_ERROR_FILE);
+    EXPECT_EQ(card.message.rfind("card: ", 0), 0u) << card.message;
+    EXPECT_EQ(vellumReadGltfMemory(nullptr, 1, "card", Card::onMessage, &card, &card.gltf),
+              VELLUM_ERROR_INVALID_ARGUMENT);
+    EXPECT_EQ(vellumReadGltfMemory(input.data(), 1, "", Card::onMessage, &card, &card.gltf),
+              VELLUM_ERROR_INVALID_ARGUMENT);
+    EXPECT_EQ(vellumBakeGltfMemory(input.data(), input.size(), "card", &card.options, nullptr, nullptr, nullptr),
+              VELLUM_ERROR_INVALID_ARGUMENT);
+}
