@@ -26,7 +26,8 @@ FUNCTIONS = {"vellumBake", "vellumDestroyMicromap", "vellumGetBakeVersion", "vel
              "vellumInitTexture", "vellumResultName", "vellumWriteIndices"}
 SPIRV_FUNCTIONS = {"vellumDestroySpirv", "vellumEditSpirv", "vellumGetSpirvEntryPointInfo", "vellumGetSpirvInfo",
                    "vellumInitSpirvOptions"}
-GLTF_FUNCTIONS = {"vellumBakeGltf", "vellumCheckGltf", "vellumDestroyGltf", "vellumFindGltfPrimitive",
+GLTF_FUNCTIONS = {"vellumBakeGltf", "vellumBakeGltfMemory", "vellumCheckGltf", "vellumCheckGltfMemory", "vellumReadGltfMemory",
+                   "vellumDestroyGltf", "vellumFindGltfPrimitive",
                   "vellumGetGltfInfo", "vellumGetGltfMicromapInfo", "vellumGetGltfPrimitiveInfo",
                   "vellumInitGltfBakeOptions", "vellumReadGltf"}
 NOTICES = {"share/doc/vellum/LICENSE", "share/doc/vellum/THIRD-PARTY.md"}

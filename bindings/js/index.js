@@ -1,0 +1,378 @@
+// SPDX-License-Identifier: Apache-2.0
+// Opacity micromaps in WebAssembly: index.d.ts describes the interface.
+
+const freeze = Object.freeze;
+
+// The values of vellum/vellum.h, which are Vulkan's.
+export const Format = freeze({
+  R8_UNORM: 9,
+  R16_UNORM: 70,
+  R16_SFLOAT: 76,
+  R16G16_UNORM: 77,
+  R16G16_SFLOAT: 83,
+  R32_SFLOAT: 100,
+  R32G32_SFLOAT: 103,
+});
+export const Filter = freeze({ NEAREST: 0, LINEAR: 1 });
+export const AddressMode = freeze({
+  REPEAT: 0,
+  MIRRORED_REPEAT: 1,
+  CLAMP_TO_EDGE: 2,
+  CLAMP_TO_BORDER: 3,
+  MIRROR_CLAMP_TO_EDGE: 4,
+});
+export const MicromapFormat = freeze({ TWO_STATE: 1, FOUR_STATE: 2 });
+export const CompareOp = freeze({ LESS: 1, LESS_OR_EQUAL: 3, GREATER: 4, GREATER_OR_EQUAL: 6 });
+export const TwoStateRule = freeze({ NEAREST: 0, UNKNOWN_IS_OPAQUE: 1, UNKNOWN_IS_TRANSPARENT: 2 });
+export const State = freeze({ TRANSPARENT: 0, OPAQUE: 1, UNKNOWN_TRANSPARENT: 2, UNKNOWN_OPAQUE: 3 });
+export const LEVEL_AUTOMATIC = -1;
+
+const INDEX_TYPE_NONE = 1000165000;
+const ARGUMENT = 'VELLUM_ERROR_INVALID_ARGUMENT';
+
+export class VellumError extends Error {
+  constructor(code, message) {
+    super(message);
+    this.name = 'VellumError';
+    this.code = code;
+  }
+}
+
+function reject(name, value, expected) {
+  throw new VellumError(ARGUMENT, `${name} is ${String(value)}, not ${expected}`);
+}
+
+const ranges = {
+  u32: ['an integer of 0 to 2^32 - 1', (v) => Number.isInteger(v) && v >= 0 && v <= 0xffffffff],
+  i32: ['an integer of 32 bits', (v) => Number.isInteger(v) && v === (v | 0)],
+  u53: ['an integer of 0 to 2^53 - 1', (v) => Number.isSafeInteger(v) && v >= 0],
+  real: ['a number', (v) => typeof v === 'number' && !Number.isNaN(v)],
+  bit: ['true or false', (v) => typeof v === 'boolean'],
+};
+
+function checked(kind, name, value, otherwise) {
+  if (value === undefined) return otherwise;
+  const [expected, accepts] = ranges[kind];
+  return accepts(value) ? value : reject(name, value, expected);
+}
+
+// The order in which src/wasm/job.cpp reads them.
+const kOptions = [
+  ['format', 'u32'],
+  ['twoStateRule', 'u32'],
+  ['level', 'i32'],
+  ['maxLevel', 'u32'],
+  ['texelsPerEdge', 'real'],
+  ['compareOp', 'u32'],
+  ['disallowMixedSpecialIndices', 'bit'],
+  ['budget', 'u53'],
+  ['minKnown', 'real'],
+  ['valueTolerance', 'real'],
+  ['subtexelTolerance', 'real'],
+  ['barycentricTolerance', 'real'],
+  ['interpolationTolerance', 'real'],
+  ['maxDataSize', 'u53'],
+];
+const kCallbacks = ['onProgress', 'cancelled', 'signal'];
+const kBakeNames = [...kOptions.map(([name]) => name), ...kCallbacks];
+const kGltfNames = [
+  'name', 'blend', 'blendCutoff', 'excludedMaterials', 'excludedMeshes',
+  ...kBakeNames.filter((name) => name !== 'compareOp' && name !== 'disallowMixedSpecialIndices'),
+];
+const kInputNames = [
+  'texture', 'textures', 'uvs', 'uvFormat', 'uvStride', 'uvTransform', 'indices', 'levels', 'formats', 'cutoff',
+];
+const kTextureNames = [
+  'width', 'height', 'alpha', 'format', 'filter', 'addressModeU', 'addressModeV', 'offset', 'pixelStride',
+  'rowStride', 'scale', 'border',
+];
+
+// An option with a name that nobody knows is a mistake in spelling.
+function known(what, object, names) {
+  if (typeof object !== 'object' || object === null) reject(what, object, 'an object');
+  for (const name of Object.keys(object)) if (!names.includes(name)) throw new VellumError(ARGUMENT, `${what} has no member "${name}"`);
+  return object;
+}
+
+function bytesOf(name, array, types) {
+  if (!types.some((type) => array instanceof type))
+    reject(name, Object.prototype.toString.call(array), types.map((type) => type.name).join(', '));
+  return new Uint8Array(array.buffer, array.byteOffset, array.byteLength);
+}
+
+// How the functions of a module are called: memory of a call, its callbacks and its result.
+class Call {
+  constructor(module, options) {
+    this.module = module;
+    this.owned = [];
+    this.onProgress = options.onProgress;
+    this.poll = options.cancelled;
+    this.signal = options.signal;
+    for (const name of ['onProgress', 'cancelled'])
+      if (options[name] !== undefined && typeof options[name] !== 'function') reject(name, options[name], 'a function');
+    if (this.signal?.aborted) throw new VellumError('VELLUM_CANCELLED', 'cancelled before it began');
+  }
+
+  // An exception of the caller's must not pass through the module: it cancels the call, and is thrown at the end.
+  guarded(callback) {
+    try {
+      return callback() || this.signal?.aborted ? 1 : 0;
+    } catch (error) {
+      this.thrown ??= { error };
+      return 1;
+    }
+  }
+
+  progress(done, total) {
+    return this.guarded(() => (this.onProgress?.(done, total), false));
+  }
+
+  cancelled() {
+    return this.thrown || this.signal?.aborted ? 1 : this.poll ? this.guarded(() => this.poll()) : 0;
+  }
+
+  allocate(size) {
+    const address = this.module.malloc(Math.max(size, 1)) >>> 0;
+    if (address === 0) throw new VellumError('VELLUM_ERROR_OUT_OF_MEMORY', 'out of memory');
+    this.owned.push(address);
+    return address;
+  }
+
+  // The address of a copy; 0 of nothing.
+  put(bytes) {
+    if (bytes === undefined) return 0;
+    const address = this.allocate(bytes.length);
+    new Uint8Array(this.module.memory.buffer, address, bytes.length).set(bytes);
+    return address;
+  }
+
+  putText(text) {
+    return this.put(new TextEncoder().encode(`${text}\0`));
+  }
+
+  putNumbers(options) {
+    const numbers = kOptions.map(([name, kind]) => {
+      const value = checked(kind, name, options[name], NaN);
+      return typeof value === 'boolean' ? Number(value) : value;
+    });
+    return this.put(new Uint8Array(new Float64Array(numbers).buffer));
+  }
+
+  // Runs a function of the module: its JSON, and the parts of the result, copied.
+  run(call) {
+    const { module } = this;
+    module.calls.push(this);
+    let result;
+    try {
+      result = call() >>> 0;
+    } finally {
+      module.calls.pop();
+    }
+    const words = (address, count) => new Uint32Array(module.memory.buffer, address, count);
+    const [code, text, textSize, parts, partCount] = words(result, 5);
+    const bytes = (address, size) => new Uint8Array(module.memory.buffer, address, size);
+    const message = new TextDecoder().decode(bytes(text, textSize));
+    const copies = [];
+    for (let i = 0; code === 0 && i < partCount; ++i) {
+      const [address, size] = words(parts + 8 * i, 2);
+      copies.push(bytes(address, size).slice());
+    }
+    module.destroyResult(result);
+    if (this.thrown) throw this.thrown.error;
+    if (code !== 0) throw new VellumError(module.nameOf(code | 0), message || 'the call was cancelled');
+    return [JSON.parse(message), copies];
+  }
+
+  end() {
+    for (const address of this.owned) this.module.free(address);
+  }
+}
+
+const indicesOf = (bytes) => new Int32Array(bytes.buffer);
+
+function addTexture(call, bake, texture) {
+  known('texture', texture, kTextureNames);
+  const types = [Uint8Array, Uint8ClampedArray, Uint16Array, Float32Array];
+  const alpha = bytesOf('alpha', texture.alpha, types);
+  const byType =
+    texture.alpha instanceof Float32Array ? Format.R32_SFLOAT
+    : texture.alpha instanceof Uint16Array ? Format.R16_UNORM
+    : Format.R8_UNORM;
+  const u32 = (name, otherwise) => checked('u32', name, texture[name], otherwise);
+  const real = (name, otherwise) => checked('real', name, texture[name], otherwise);
+  call.module.addTexture(
+    bake, call.put(alpha), alpha.length, u32('width', 0), u32('height', 0), u32('format', byType),
+    u32('filter', Filter.LINEAR), u32('addressModeU', AddressMode.REPEAT), u32('addressModeV', AddressMode.REPEAT),
+    u32('offset', 0), u32('pixelStride', 0), u32('rowStride', 0), real('scale', 1), real('border', 0));
+}
+
+function addInput(call, bake, input) {
+  known('input', input, kInputNames);
+  const textures = input.textures ?? (input.texture === undefined ? [] : [input.texture]);
+  if (!Array.isArray(textures)) reject('textures', textures, 'an array');
+  for (const texture of textures) addTexture(call, bake, texture);
+  const uvs = bytesOf('uvs', input.uvs, [Float32Array, Uint16Array, Uint8Array]);
+  const byType = input.uvs instanceof Uint16Array ? Format.R16G16_UNORM : Format.R32G32_SFLOAT;
+  const uvFormat = checked('u32', 'uvFormat', input.uvFormat, byType);
+  const uvStride = checked('u32', 'uvStride', input.uvStride, 0);
+  const size = uvFormat === Format.R32G32_SFLOAT ? 8 : 4;
+  const { indices } = input;
+  const indexBytes = indices === undefined ? undefined : bytesOf('indices', indices, [Uint8Array, Uint16Array, Uint32Array]);
+  const indexType = indices === undefined ? INDEX_TYPE_NONE : { 1: 1000265000, 2: 0, 4: 1 }[indices.BYTES_PER_ELEMENT];
+  const vertices = uvs.length < size ? 0 : Math.floor((uvs.length - size) / (uvStride || size)) + 1;
+  const corners = indices === undefined ? vertices : indices.length;
+  if (corners % 3 !== 0)
+    throw new VellumError(ARGUMENT, `${corners} ${indices === undefined ? 'vertices' : 'indices'} are no whole number of triangles`);
+  const triangles = corners / 3;
+  const perTriangle = (name) => {
+    if (input[name] === undefined) return undefined;
+    const bytes = bytesOf(name, input[name], [Uint8Array]);
+    return bytes.length === triangles ? bytes : reject(`the length of ${name}`, bytes.length, `that of the triangles, ${triangles}`);
+  };
+  const transform = input.uvTransform === undefined ? undefined : Float32Array.from(input.uvTransform);
+  if (transform !== undefined && transform.length !== 6) reject('the length of uvTransform', transform.length, '6');
+  const cutoff = checked('real', 'cutoff', input.cutoff, 0.5);
+  call.module.addInput(
+    bake, call.put(uvs), uvs.length, uvStride, uvFormat, call.put(indexBytes), indexBytes?.length ?? 0, indexType,
+    triangles, call.put(transform && new Uint8Array(transform.buffer)), call.put(perTriangle('levels')),
+    call.put(perTriangle('formats')), cutoff);
+}
+
+class Vellum {
+  #module;
+
+  constructor(module) {
+    this.#module = module;
+  }
+
+  get version() {
+    const version = this.#module.version() >>> 0;
+    return `${version >>> 22}.${(version >>> 12) & 0x3ff}.${version & 0xfff}`;
+  }
+
+  get bakeVersion() {
+    return this.#module.bakeVersion() >>> 0;
+  }
+
+  get memorySize() {
+    return this.#module.memory.buffer.byteLength;
+  }
+
+  #call(options, names, run) {
+    const call = new Call(this.#module, known('options', options, names));
+    try {
+      return run(call);
+    } finally {
+      call.end();
+    }
+  }
+
+  bake(inputs, options = {}) {
+    return this.#call(options, kBakeNames, (call) => {
+      const { module } = call;
+      const bake = module.createBake();
+      try {
+        for (const input of Array.isArray(inputs) ? inputs : [inputs]) addInput(call, bake, input);
+        const numbers = call.putNumbers(options);
+        const [made, parts] = call.run(() => module.bake(bake, numbers));
+        return {
+          ...made,
+          data: parts[made.data],
+          triangles: parts[made.triangles],
+          indices: indicesOf(parts[made.indices]),
+          geometries: made.geometries.map((g) => ({ ...g, indices: indicesOf(parts[g.indices]) })),
+        };
+      } finally {
+        module.destroyBake(bake);
+      }
+    });
+  }
+
+  #gltf(bytes, options, names, run) {
+    return this.#call(options, names, (call) => {
+      const { name = 'input' } = options;
+      if (typeof name !== 'string' || name === '' || name.includes('\0')) reject('name', name, 'a text that is not empty');
+      const file = bytesOf('bytes', bytes, [Uint8Array]);
+      return run(call, [call.put(file), file.length, call.putText(name)]);
+    });
+  }
+
+  bakeGltf(bytes, options = {}) {
+    return this.#gltf(bytes, options, kGltfNames, (call, file) => {
+      const lists = ['excludedMaterials', 'excludedMeshes'].map((name) => {
+        const list = options[name] ?? [];
+        const texts = Array.isArray(list) && list.every((t) => typeof t === 'string' && !t.includes('\0'));
+        return texts ? list : reject(name, list, 'an array of texts');
+      });
+      const blend = checked('bit', 'blend', options.blend, false);
+      const blendCutoff = checked('real', 'blendCutoff', options.blendCutoff);
+      // Micromaps of a .gltf are always inside.
+      const flags = (blend || blendCutoff !== undefined ? 1 : 0) | 2 | (blendCutoff !== undefined ? 4 : 0);
+      const numbers = call.putNumbers(options);
+      const patterns = call.putText(lists.flat().join('\0'));
+      const [{ output, ...report }, parts] = call.run(() =>
+        call.module.bakeGltf(...file, numbers, flags, blendCutoff ?? 0.5, patterns, lists[0].length, lists[1].length));
+      return { bytes: parts[output], report };
+    });
+  }
+
+  readGltf(bytes, options = {}) {
+    return this.#gltf(bytes, options, ['name'], (call, file) => {
+      const [read, parts] = call.run(() => call.module.readGltf(...file));
+      return {
+        extension: read.extension,
+        micromaps: read.micromaps.map((m) => ({ ...m, data: parts[m.data], triangles: parts[m.triangles] })),
+        primitives: read.primitives.map((p) => ({ ...p, indices: indicesOf(parts[p.indices]) })),
+      };
+    });
+  }
+
+  inspectGltf(bytes, options = {}) {
+    return this.#gltf(bytes, options, ['name'], (call, file) => call.run(() => call.module.inspectGltf(...file))[0]);
+  }
+
+  verifyGltf(bytes, options = {}) {
+    return this.#gltf(bytes, options, ['name', 'exact', ...kCallbacks], (call, file) => {
+      const exact = checked('bit', 'exact', options.exact, false);
+      return call.run(() => call.module.verifyGltf(...file, Number(exact)))[0];
+    });
+  }
+}
+
+// vellum.wasm beside this file, in Node.js and in browsers.
+async function ownModule() {
+  const url = new URL('./vellum.wasm', import.meta.url);
+  if (url.protocol !== 'file:') return fetch(url);
+  const { readFile } = await import('node:fs/promises');
+  return readFile(url);
+}
+
+async function compile(source) {
+  if (source instanceof WebAssembly.Module) return source;
+  if (typeof source === 'string' || source instanceof URL) source = await fetch(source);
+  if (typeof Response !== 'undefined' && source instanceof Response) {
+    if (!source.ok) throw new Error(`${source.url}: ${source.status} ${source.statusText}`);
+    source = await source.arrayBuffer();
+  }
+  return WebAssembly.compile(source);
+}
+
+export async function load(source) {
+  const module = await compile(source ?? (await ownModule()));
+  const calls = [];
+  const failure = () => -1;
+  // No file can be opened, and nothing is printed: every other import fails.
+  const imports = {};
+  for (const { module: from, name } of WebAssembly.Module.imports(module)) (imports[from] ??= {})[name] = failure;
+  imports.vellum = {
+    progress: (done, total) => calls.at(-1).progress(done, total),
+    cancelled: () => calls.at(-1).cancelled(),
+  };
+  const { exports } = await WebAssembly.instantiate(module, imports);
+  exports._initialize();
+  const nameOf = (code) => {
+    const bytes = new Uint8Array(exports.memory.buffer, exports.resultName(code) >>> 0, 64);
+    return new TextDecoder().decode(bytes.slice(0, bytes.indexOf(0)));
+  };
+  return new Vellum({ ...exports, calls, nameOf });
+}

@@ -1,0 +1,294 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests of the package in build/wasm/package, with nothing but Node.js: node --test bindings/js/test
+//   VELLUM_PACKAGE   the folder of the package
+//   VELLUM_LIBRARY   the native libvellum.so, with which results are compared
+//   VELLUM_COMMAND   the native command, with which files are compared
+//   VELLUM_MODELS    a folder of .glb files to compare, besides that of examples/python/tree.py
+import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
+import { createHash } from 'node:crypto';
+import { mkdtempSync, readFileSync, readdirSync, rmSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { dirname, join, resolve } from 'node:path';
+import { after, test } from 'node:test';
+import { fileURLToPath, pathToFileURL } from 'node:url';
+
+const here = dirname(fileURLToPath(import.meta.url));
+const root = resolve(here, '../../..');
+const folder = resolve(process.env.VELLUM_PACKAGE ?? join(root, 'build/wasm/package'));
+const library = process.env.VELLUM_LIBRARY;
+const command = process.env.VELLUM_COMMAND;
+const api = await import(pathToFileURL(join(folder, 'index.js')));
+const { VellumWorker } = await import(pathToFileURL(join(folder, 'worker.js')));
+const { VellumError } = api;
+const vellum = await api.load();
+
+const work = mkdtempSync(join(tmpdir(), 'vellum-js-'));
+after(() => rmSync(work, { recursive: true }));
+const tree = join(work, 'tree.glb');
+execFileSync('python3', [join(root, 'examples/python/tree.py'), tree]);
+const models = [tree];
+if (process.env.VELLUM_MODELS)
+  for (const name of readdirSync(process.env.VELLUM_MODELS).sort())
+    if (name.endsWith('.glb')) models.push(join(process.env.VELLUM_MODELS, name));
+const bytesOf = (path) => new Uint8Array(readFileSync(path));
+
+const disc = (size) => Uint8Array.from({ length: size * size }, (_, i) => (Math.hypot((i % size) - size / 2, Math.floor(i / size) - size / 2) < size / 3 ? 255 : 0));
+const card = (size = 64) => ({
+  texture: { width: size, height: size, alpha: disc(size) },
+  uvs: new Float32Array([0, 0, 1, 0, 1, 1, 0, 1]),
+  indices: new Uint16Array([0, 1, 2, 0, 2, 3]),
+});
+const fails = (code, message) => (error) => {
+  assert(error instanceof VellumError, String(error));
+  assert.equal(error.code, code);
+  assert.match(error.message, message);
+  return true;
+};
+const decoded = (text, type) => {
+  const bytes = new Uint8Array(Buffer.from(text, 'base64'));
+  return type ? new type(bytes.buffer) : bytes;
+};
+
+function digestOf({ data, triangles, indices }) {
+  const hash = createHash('sha256');
+  for (const part of [data, triangles, new Uint8Array(indices.buffer)]) hash.update(part);
+  return hash.digest('hex');
+}
+
+test('random bakes have the bytes of the native library', { skip: !library && 'VELLUM_LIBRARY' }, () => {
+  const count = process.env.VELLUM_CASES ?? '660';
+  const output = execFileSync('python3', [join(here, 'make_cases.py'), count], { maxBuffer: 1 << 30, encoding: 'utf8' });
+  const lines = output.trim().split('\n');
+  assert.equal(lines.length, Number(count));
+  let bytes = 0;
+  for (const [number, line] of lines.entries()) {
+    const expected = JSON.parse(line);
+    const inputs = expected.inputs.map(({ textures, uvs, indices, members }) => ({
+      ...members,
+      ...(members.levels && { levels: Uint8Array.from(members.levels) }),
+      ...(members.formats && { formats: Uint8Array.from(members.formats) }),
+      textures: textures.map((t) => ({ ...t, alpha: decoded(t.alpha) })),
+      uvs: decoded(uvs),
+      ...(indices && { indices: decoded(indices[1], { B: Uint8Array, H: Uint16Array, I: Uint32Array }[indices[0]]) }),
+    }));
+    const made = vellum.bake(inputs, expected.options);
+    assert.equal(digestOf(made), expected.digest, `case ${number}: ${line.slice(0, 2000)}`);
+    bytes += made.data.length;
+  }
+  assert(bytes > 100000);
+});
+
+const files = [{}, { level: 3 }, { format: api.MicromapFormat.TWO_STATE }, { budget: 20000 }];
+const flagsOf = (options) => [
+  ...(options.level !== undefined ? ['--level', String(options.level)] : []),
+  ...(options.format ? ['--states', '2'] : []),
+  ...(options.budget ? ['--budget', String(options.budget)] : []),
+];
+
+test('baked files have the bytes of the native command', { skip: !command && 'VELLUM_COMMAND' }, () => {
+  for (const model of models)
+    for (const options of files) {
+      const output = join(work, 'native.glb');
+      execFileSync(command, ['bake', '--force', '--quiet', ...flagsOf(options), model, output], { stdio: 'pipe' });
+      const { bytes, report } = vellum.bakeGltf(bytesOf(model), options);
+      assert(Buffer.from(bytes).equals(readFileSync(output)), `${model} ${JSON.stringify(options)}`);
+      assert.equal(report.outputSize, bytes.length);
+      assert(report.primitiveCount > 0);
+    }
+});
+
+test('a baked file is read, inspected and verified', () => {
+  const { bytes, report } = vellum.bakeGltf(bytesOf(tree));
+  assert.deepEqual(report.skipped, []);
+  const read = vellum.readGltf(bytes);
+  const inspected = vellum.inspectGltf(bytes);
+  assert.equal(read.extension, 'EXT_mesh_opacity_micromap');
+  assert.deepEqual(inspected.findings, []);
+  assert.equal(inspected.micromaps[0].bytes, read.micromaps[0].data.length + read.micromaps[0].triangles.length);
+  assert.equal(inspected.primitives[0].triangles, read.primitives[0].indices.length);
+  assert.equal(inspected.primitives[0].name, read.primitives[0].name);
+  const verified = vellum.verifyGltf(bytes);
+  assert.equal(verified.counts.wrong, 0);
+  assert.deepEqual(verified.unverified, []);
+  const sum = (list) => list.reduce((a, b) => a + b);
+  const states = verified.primitives.map((p) => p.counts.microTriangles);
+  assert.deepEqual(states, inspected.primitives.map((p) => sum(p.states) + sum(p.special)));
+  assert.equal(vellum.readGltf(bytesOf(tree)).extension, '');
+  // The micromap of another cutoff is wrong.
+  const text = new TextDecoder('latin1').decode(bytes).replace('"alphaMode":"MASK"', '"alphaMode":"MASK","alphaCutoff":0.05');
+  assert.notEqual(text.length, bytes.length);
+  const json = text.slice(20, 20 + new DataView(bytes.buffer).getUint32(12, true) + text.length - bytes.length).padEnd(65536);
+  const changed = Buffer.concat([Buffer.alloc(20), Buffer.from(json, 'latin1'), bytes.subarray(20 + new DataView(bytes.buffer).getUint32(12, true))]);
+  changed.write('glTF', 0);
+  for (const [at, word] of [[4, 2], [8, changed.length], [12, json.length], [16, 0x4e4f534a]]) changed.writeUInt32LE(word, at);
+  const wrong = vellum.verifyGltf(new Uint8Array(changed));
+  assert(wrong.counts.wrong > 0);
+  assert.equal(wrong.primitives[0].findings[0].kind, 'wrong');
+});
+
+test('a .gltf gets its micromaps in a data URI', () => {
+  const uri = (bytes) => `data:application/octet-stream;base64,${Buffer.from(bytes).toString('base64')}`;
+  const glb = bytesOf(tree);
+  const size = new DataView(glb.buffer).getUint32(12, true);
+  const document = JSON.parse(new TextDecoder().decode(glb.subarray(20, 20 + size)));
+  document.buffers[0].uri = uri(glb.subarray(28 + size));
+  const encode = (value) => new TextEncoder().encode(JSON.stringify(value));
+  const { bytes } = vellum.bakeGltf(encode(document));
+  const baked = vellum.readGltf(bytes);
+  assert.deepEqual(baked.micromaps, vellum.readGltf(vellum.bakeGltf(glb).bytes).micromaps);
+  document.buffers[0].uri = 'elsewhere.bin';
+  assert.throws(() => vellum.bakeGltf(encode(document), { name: 'tree.gltf' }), fails('VELLUM_ERROR_FILE', /tree\.gltf: .*elsewhere\.bin/));
+});
+
+test('options of files', () => {
+  const { report } = vellum.bakeGltf(bytesOf(tree), { excludedMaterials: ['nothing', 'lea*'] });
+  assert.equal(report.primitiveCount, 0);
+  assert.match(report.skipped[0].reason, /exclu/);
+  const excluded = vellum.bakeGltf(bytesOf(tree), { excludedMeshes: ['tree'] });
+  assert.equal(excluded.report.skipped.length, 1);
+});
+
+test('damaged files are errors, whatever the damage', () => {
+  const baked = vellum.bakeGltf(bytesOf(tree), { level: 2 }).bytes;
+  for (const glb of [bytesOf(tree), baked]) {
+    const lengths = new Set([0, 1, 3, 4, 11, 12, 19, 20, 21, glb.length - 1]);
+    for (let i = 0; i < 200; ++i) lengths.add(Math.floor((glb.length * i) / 200));
+    for (const length of lengths)
+      for (const method of ['bakeGltf', 'readGltf', 'inspectGltf', 'verifyGltf'])
+        assert.throws(() => vellum[method](glb.subarray(0, length)), fails('VELLUM_ERROR_FILE', /^input: /));
+  }
+  let random = 1;
+  const next = (below) => (random = (random * 48271) % 2147483647) % below;
+  let rejected = 0;
+  for (let i = 0; i < 400; ++i) {
+    const damaged = baked.slice();
+    for (let k = next(8); k >= 0; --k) damaged[next(i % 2 ? damaged.length : 4000)] = next(256);
+    for (const method of ['bakeGltf', 'readGltf', 'inspectGltf', 'verifyGltf'])
+      try {
+        vellum[method](damaged, method === 'bakeGltf' ? { level: 1 } : {});
+      } catch (error) {
+        assert(error instanceof VellumError, `${method} ${i}: ${error.stack}`);
+        ++rejected;
+      }
+  }
+  assert(rejected > 100);
+  assert.equal(vellum.bake(card(), { level: 2 }).indices.length, 2);
+});
+
+test('wrong arguments are errors that name them', () => {
+  const bad = (change, message, options) => {
+    const input = card();
+    change(input);
+    assert.throws(() => vellum.bake(input, options), fails('VELLUM_ERROR_INVALID_ARGUMENT', message));
+  };
+  bad((c) => (c.texture.width = 0), /input 0: texture 0: width is 0, not 1 to 2\^24/);
+  bad((c) => (c.texture.width = -1), /width is -1/);
+  bad((c) => (c.texture.width = 1.5), /width is 1\.5/);
+  bad((c) => (c.texture.height = 65), /do not lie within 4096 bytes/);
+  bad((c) => (c.texture.wdith = 1), /no member "wdith"/);
+  bad((c) => (c.texture.alpha = [1, 2]), /alpha is \[object Array\], not Uint8Array/);
+  bad((c) => (c.texture.filter = 7), /filter is 7/);
+  bad((c) => delete c.texture, /there is no texture/);
+  bad((c) => (c.indices = new Uint16Array([0, 1, 2, 3])), /4 indices are no whole number/);
+  bad((c) => (c.indices = new Uint16Array([0, 1, 9])), /index 2 is 9, of 4 vertices/);
+  bad((c) => (c.levels = new Uint8Array(3)), /length of levels is 3/);
+  bad((c) => (c.cutoff = NaN), /cutoff is NaN/);
+  bad(() => {}, /level is 13/, { level: 13 });
+  bad(() => {}, /level is 1\.5/, { level: 1.5 });
+  bad(() => {}, /no member "levle"/, { levle: 1 });
+  bad(() => {}, /minKnown/, { minKnown: 2 });
+  bad(() => {}, /onProgress is 1, not a function/, { onProgress: 1 });
+  assert.throws(() => vellum.bake(card(), { level: 9, maxDataSize: 100 }), fails('VELLUM_ERROR_TOO_LARGE', /./));
+  assert.throws(() => vellum.bakeGltf('text'), fails('VELLUM_ERROR_INVALID_ARGUMENT', /bytes/));
+});
+
+test('progress, and cancelling from callbacks', () => {
+  const seen = [];
+  vellum.bakeGltf(bytesOf(tree), { onProgress: (done, total) => seen.push([done, total]) });
+  assert(seen.length > 0);
+  assert(seen.every(([done, total], i) => done <= total && (i === 0 || done >= seen[i - 1][0])));
+  assert.equal(seen.at(-1)[0], seen.at(-1)[1]);
+  const cancelled = fails('VELLUM_CANCELLED', /cancel/);
+  for (const cancel of [
+    () => ({ cancelled: () => true }),
+    () => ({ signal: AbortSignal.abort() }),
+    () => {
+      const controller = new AbortController();
+      return { signal: controller.signal, onProgress: () => controller.abort() };
+    },
+  ]) {
+    assert.throws(() => vellum.bake(card(), cancel()), cancelled);
+    assert.throws(() => vellum.bakeGltf(bytesOf(tree), cancel()), cancelled);
+  }
+  const baked = vellum.bakeGltf(bytesOf(tree)).bytes;
+  const controller = new AbortController();
+  assert.throws(() => vellum.verifyGltf(baked, { signal: controller.signal, onProgress: () => controller.abort() }), cancelled);
+  const thrown = new Error('of the callback');
+  const throws = () => {
+    throw thrown;
+  };
+  assert.throws(() => vellum.bake(card(), { onProgress: throws }), (error) => error === thrown);
+  // Callbacks may call the library.
+  let inner;
+  const outer = vellum.bake(card(), { onProgress: () => (inner = vellum.bake(card())) });
+  assert.deepEqual(inner, outer);
+});
+
+test('memory does not grow', () => {
+  const glb = bytesOf(tree);
+  const once = (i) => {
+    vellum.bake(card(), { level: i % 7 });
+    if (i % 20 === 0) vellum.verifyGltf(vellum.bakeGltf(glb).bytes);
+    if (i % 20 === 1) assert.throws(() => vellum.bake(card(), { cancelled: () => true }));
+    if (i % 20 === 2) assert.throws(() => vellum.bakeGltf(glb.subarray(0, 5000)));
+  };
+  for (let i = 0; i < 40; ++i) once(i);
+  const before = vellum.memorySize;
+  for (let i = 0; i < 1000; ++i) once(i);
+  assert.equal(vellum.memorySize, before);
+});
+
+test('results stay valid, and modules are independent', async () => {
+  const first = vellum.bake(card(), { level: 5 });
+  const copy = first.data.slice();
+  vellum.bake(card(512), { level: 9 });
+  assert.deepEqual(first.data, copy);
+  const compiled = await WebAssembly.compile(readFileSync(join(folder, 'vellum.wasm')));
+  for (const source of [compiled, readFileSync(join(folder, 'vellum.wasm')), new Response(readFileSync(join(folder, 'vellum.wasm')))])
+    assert.deepEqual((await api.load(source)).bake(card(), { level: 5 }), first);
+  assert.match(vellum.version, /^\d+\.\d+\.\d+$/);
+  assert.equal(vellum.version, JSON.parse(readFileSync(join(folder, 'package.json'), 'utf8')).version);
+});
+
+test('the worker', async () => {
+  const worker = new VellumWorker();
+  const seen = [];
+  const made = await worker.bake(card(), { level: 4, onProgress: (done) => seen.push(done) });
+  assert.deepEqual(made, vellum.bake(card(), { level: 4 }));
+  assert.equal(seen.at(-1), 2);
+  await assert.rejects(worker.bake(card(), { level: 13 }), fails('VELLUM_ERROR_INVALID_ARGUMENT', /level is 13/));
+  const controller = new AbortController();
+  const long = worker.bake(card(256), { level: 11, signal: controller.signal });
+  controller.abort();
+  await assert.rejects(long, fails('VELLUM_CANCELLED', /cancel/));
+  const { bytes } = await worker.bakeGltf(bytesOf(tree));
+  assert.deepEqual(bytes, vellum.bakeGltf(bytesOf(tree)).bytes);
+  worker.terminate();
+});
+
+test('the example of docs/javascript.md', async () => {
+  const page = readFileSync(join(root, 'docs/javascript.md'), 'utf8');
+  const examples = [...page.matchAll(/```js\n([\s\S]*?)```/g)].map((match) => match[1]);
+  assert(examples.length > 0);
+  const index = JSON.stringify(pathToFileURL(join(folder, 'index.js')));
+  const worker = JSON.stringify(pathToFileURL(join(folder, 'worker.js')));
+  const AsyncFunction = (async () => {}).constructor;
+  for (const example of examples) {
+    const code = example
+      .replace(/import (\{[^}]*\}) from 'vellum-omm';/, `const $1 = await import(${index});`)
+      .replace(/import (\{[^}]*\}) from 'vellum-omm\/worker';/, `const $1 = await import(${worker});`);
+    const { alpha } = { alpha: disc(64) };
+    await new AsyncFunction('alpha', 'glb', 'console', code)(alpha, bytesOf(tree), { log: () => {} });
+  }
+});

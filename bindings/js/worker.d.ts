@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+import type {
+  BakeInput, BakeOptions, BakeResult, Callbacks, FileOptions, GltfBakeOptions, GltfBakeResult, GltfInspection, GltfMicromaps,
+  GltfVerification, VellumError,
+} from './index.js';
+
+type InWorker<Options> = Omit<Options, 'cancelled'>;
+
+/**
+ * The functions of a Vellum in a worker (worker_threads in Node.js), one after the other. Arguments are copied. An aborted
+ * signal ends the worker and all its calls with VELLUM_CANCELLED; the next call starts another.
+ */
+export declare class VellumWorker {
+  /** `source`: as load() takes it, if it can be sent to a worker. */
+  constructor(source?: string | BufferSource | WebAssembly.Module);
+  bake(inputs: BakeInput | BakeInput[], options?: InWorker<BakeOptions>): Promise<BakeResult>;
+  bakeGltf(bytes: Uint8Array, options?: InWorker<GltfBakeOptions>): Promise<GltfBakeResult>;
+  readGltf(bytes: Uint8Array, options?: FileOptions): Promise<GltfMicromaps>;
+  inspectGltf(bytes: Uint8Array, options?: FileOptions): Promise<GltfInspection>;
+  verifyGltf(bytes: Uint8Array, options?: InWorker<FileOptions & Callbacks & { exact?: boolean }>): Promise<GltfVerification>;
+  terminate(error?: VellumError): void;
+}

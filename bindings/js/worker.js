@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+// The functions of index.js in a worker: they do not block, and a signal ends them at any time. worker.d.ts describes it.
+// This file is also what runs in the worker.
+import { VellumError, load } from './index.js';
+
+const inNode = typeof process !== 'undefined' && Boolean(process.versions?.node);
+const threads = inNode ? await import('node:worker_threads') : undefined;
+const kName = 'vellum-omm';
+
+function serve(port) {
+  let vellum;
+  port.onmessage = async ({ data: { id, method, args, options, source, progress } }) => {
+    const onProgress = progress ? (done, total) => port.postMessage({ id, done, total }) : undefined;
+    try {
+      vellum ??= load(source);
+      const result = (await vellum)[method](...args, { ...options, ...(onProgress && { onProgress }) });
+      port.postMessage({ id, result });
+    } catch (error) {
+      port.postMessage({ id, error: { code: error.code, message: error.message, own: error instanceof VellumError } });
+    }
+  };
+}
+
+export class VellumWorker {
+  #source;
+  #worker;
+  #calls = new Map();
+  #next = 0;
+
+  constructor(source) {
+    this.#source = source;
+  }
+
+  bake(inputs, options) {
+    return this.#post('bake', [inputs], options);
+  }
+
+  bakeGltf(bytes, options) {
+    return this.#post('bakeGltf', [bytes], options);
+  }
+
+  readGltf(bytes, options) {
+    return this.#post('readGltf', [bytes], options);
+  }
+
+  inspectGltf(bytes, options) {
+    return this.#post('inspectGltf', [bytes], options);
+  }
+
+  verifyGltf(bytes, options) {
+    return this.#post('verifyGltf', [bytes], options);
+  }
+
+  // Ends the worker, and with it every call. The next call starts another.
+  terminate(error = new VellumError('VELLUM_CANCELLED', 'the call was cancelled')) {
+    this.#worker?.terminate();
+    this.#worker = undefined;
+    for (const { reject } of this.#calls.values()) reject(error);
+    this.#calls.clear();
+  }
+
+  #start() {
+    const url = new URL(import.meta.url);
+    const worker = inNode ? new threads.Worker(url, { name: kName, workerData: kName }) : new Worker(url, { type: 'module', name: kName });
+    const receive = ({ id, result, error, done, total }) => {
+      const call = this.#calls.get(id);
+      if (done !== undefined) return call?.onProgress(done, total);
+      this.#calls.delete(id);
+      this.#rest();
+      if (!error) return call?.resolve(result);
+      call?.reject(error.own ? new VellumError(error.code, error.message) : new Error(error.message));
+    };
+    if (inNode) worker.on('message', receive).on('error', (error) => this.terminate(error));
+    else Object.assign(worker, { onmessage: ({ data }) => receive(data), onerror: (event) => this.terminate(new Error(event.message)) });
+    return worker;
+  }
+
+  // A worker without calls does not keep Node.js alive.
+  #rest() {
+    if (this.#calls.size === 0) this.#worker?.unref?.();
+  }
+
+  #post(method, args, { onProgress, signal, ...options } = {}) {
+    return new Promise((resolve, reject) => {
+      const cancel = () => this.terminate();
+      const end = (settle) => (value) => {
+        signal?.removeEventListener('abort', cancel);
+        settle(value);
+      };
+      if (signal?.aborted) return reject(new VellumError('VELLUM_CANCELLED', 'cancelled before it began'));
+      signal?.addEventListener('abort', cancel, { once: true });
+      const id = this.#next++;
+      this.#worker ??= this.#start();
+      this.#worker.ref?.();
+      this.#calls.set(id, { resolve: end(resolve), reject: end(reject), onProgress });
+      try {
+        this.#worker.postMessage({ id, method, args, options, source: this.#source, progress: onProgress !== undefined });
+      } catch (error) {
+        this.#calls.delete(id);
+        this.#rest();
+        end(reject)(error);
+      }
+    });
+  }
+}
+
+if (threads ? threads.workerData === kName : typeof WorkerGlobalScope !== 'undefined' && self.name === kName) {
+  if (threads) {
+    const { parentPort } = threads;
+    const port = { postMessage: (message) => parentPort.postMessage(message) };
+    parentPort.on('message', (data) => port.onmessage({ data }));
+    serve(port);
+  } else {
+    serve(self);
+  }
+}
