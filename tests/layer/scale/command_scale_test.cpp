@@ -163,7 +163,7 @@ TEST_F(CommandScale, PoolsComeAndGo)
     for (std::thread &thread : threads)
         thread.join();
     if (kResidentIsMeaningful) {
-        EXPECT_LT(Footprint::now().resident, warm + (8 << 20));
+        EXPECT_LT(Footprint::now().resident, warm + (16 << 20));
     }
 }
 
