@@ -33,12 +33,27 @@ Bytes dracoTriangles(const std::vector<std::array<float, 3>> &positions, const s
     return {buffer.data(), buffer.data() + buffer.size()};
 }
 
-Bytes meshoptAttributes(const Bytes &vertices, size_t stride)
+const int kMeshoptVersion = MESHOPTIMIZER_VERSION;
+
+Bytes meshoptAttributes(const Bytes &vertices, size_t stride, int version)
 {
+    const bool known = version == 0 || kMeshoptVersion >= 230;
+    meshopt_encodeVertexVersion(known ? version : 0);
     Bytes encoded(meshopt_encodeVertexBufferBound(vertices.size() / stride, stride));
     encoded.resize(
         meshopt_encodeVertexBuffer(encoded.data(), encoded.size(), vertices.data(), vertices.size() / stride, stride));
+    if (!known)
+        encoded[0] = static_cast<uint8_t>(0xa0 | version);
     return encoded;
+}
+
+Bytes meshoptColors(const std::vector<float> &rgba)
+{
+    Bytes filtered(rgba.size());
+#if MESHOPTIMIZER_VERSION >= 1000
+    meshopt_encodeFilterColor(filtered.data(), rgba.size() / 4, 4, 8, rgba.data());
+#endif
+    return meshoptAttributes(filtered, 4);
 }
 
 Bytes meshoptTriangles(const std::vector<uint32_t> &indices)

@@ -16,8 +16,11 @@ namespace vellum::test
 Bytes dracoTriangles(const std::vector<std::array<float, 3>> &positions, const std::vector<std::array<float, 2>> &uvs,
                      bool sequential = false);
 
-// EXT_meshopt_compression's modes ATTRIBUTES, TRIANGLES and INDICES.
-Bytes meshoptAttributes(const Bytes &vertices, size_t stride);
+// EXT_meshopt_compression's modes ATTRIBUTES, TRIANGLES and INDICES. KHR_meshopt_compression also has version 1 of the
+// first, and the filter COLOR. Of what the library cannot encode, only the beginning is right.
+extern const int kMeshoptVersion; // of the library: 1000 times the major one, 10 times the minor one
+Bytes meshoptAttributes(const Bytes &vertices, size_t stride, int version = 0);
+Bytes meshoptColors(const std::vector<float> &rgba);
 Bytes meshoptTriangles(const std::vector<uint32_t> &indices);
 Bytes meshoptIndices(const std::vector<uint32_t> &indices);
 

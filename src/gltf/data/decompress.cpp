@@ -38,11 +38,12 @@ void check(const CompressedView &view, const gltf_json::BufferView &parent)
         throw GltfError("has a compression with " + stride);
     if (view.mode == "TRIANGLES" && view.count % 3 != 0)
         throw GltfError("has a compression with " + std::to_string(view.count) + " indices, no multiple of 3");
-    if (view.filter == "OCTAHEDRAL" ? view.byteStride != 4 && view.byteStride != 8
-                                    : view.filter == "QUATERNION" && view.byteStride != 8)
+    if (view.filter == "OCTAHEDRAL" || view.filter == "COLOR" ? view.byteStride != 4 && view.byteStride != 8
+                                                              : view.filter == "QUATERNION" && view.byteStride != 8)
         throw GltfError("has a compression with the filter " + view.filter + " for " + stride);
     const bool filtered = view.filter != "NONE";
-    if (filtered && view.filter != "OCTAHEDRAL" && view.filter != "QUATERNION" && view.filter != "EXPONENTIAL")
+    if (filtered && view.filter != "OCTAHEDRAL" && view.filter != "QUATERNION" && view.filter != "EXPONENTIAL" &&
+        view.filter != "COLOR")
         throw GltfUnsupported("has a compression with the unknown filter \"" + view.filter + "\"");
     if (filtered && !attributes)
         throw GltfError("has a compression with a filter for indices");

@@ -10,12 +10,37 @@ namespace vellum
 namespace
 {
 
-// The stream begins with its kind and, in the lower half of the byte, its version.
-bool isNewer(const CompressedView &view, std::span<const uint8_t> encoded)
+[[noreturn]] void failByVersion(const std::string &what, const char *needed)
 {
-    const int newest = view.mode == "ATTRIBUTES" ? 0xa0 : view.mode == "TRIANGLES" ? 0xe1 : 0xd1;
-    return !encoded.empty() && (encoded[0] & 0xf0) == (newest & 0xf0) && encoded[0] > newest;
+    constexpr int kVersion = MESHOPTIMIZER_VERSION;
+    throw GltfUnsupported(what + ", which the meshoptimizer of this build (" + std::to_string(kVersion / 1000) + '.' +
+                          std::to_string(kVersion % 1000 / 10) +
+                          ") cannot decode: use gltfpack -c in place of -cz, or build with " + needed);
 }
+
+// Throws if a newer library may decode it. The stream begins with its kind and, in the lower half of the byte, its
+// version.
+void checkVersion(const CompressedView &view, std::span<const uint8_t> encoded)
+{
+    constexpr int kNewestAttributes = MESHOPTIMIZER_VERSION >= 230 ? 0xa1 : 0xa0;
+    const int newest = view.mode == "ATTRIBUTES" ? kNewestAttributes : view.mode == "TRIANGLES" ? 0xe1 : 0xd1;
+    if (encoded.empty() || (encoded[0] & 0xf0) != (newest & 0xf0) || encoded[0] <= newest)
+        return;
+    failByVersion("is compressed by version " + std::to_string(encoded[0] & 15) + " of the codec",
+                  encoded[0] == 0xa1 ? "meshoptimizer 0.23 or newer" : "a newer one");
+}
+
+#if MESHOPTIMIZER_VERSION >= 1000
+void decodeColors(std::vector<uint8_t> &colors, const CompressedView &view)
+{
+    meshopt_decodeFilterColor(colors.data(), view.count, view.byteStride);
+}
+#else
+void decodeColors(std::vector<uint8_t> &, const CompressedView &)
+{
+    failByVersion("has a compression with the filter COLOR", "meshoptimizer 1.0 or newer");
+}
+#endif
 
 } // namespace
 
@@ -32,16 +57,18 @@ std::vector<uint8_t> decompressView(const CompressedView &view, std::span<const 
     else
         error =
             meshopt_decodeIndexSequence(decoded.data(), view.count, view.byteStride, encoded.data(), encoded.size());
-    if (error != 0 && isNewer(view, encoded))
-        throw GltfUnsupported("is compressed in a newer way than the library here can read");
-    if (error != 0)
+    if (error != 0) {
+        checkVersion(view, encoded);
         throw GltfError("cannot be decompressed");
+    }
     if (view.filter == "OCTAHEDRAL")
         meshopt_decodeFilterOct(decoded.data(), view.count, view.byteStride);
     else if (view.filter == "QUATERNION")
         meshopt_decodeFilterQuat(decoded.data(), view.count, view.byteStride);
     else if (view.filter == "EXPONENTIAL")
         meshopt_decodeFilterExp(decoded.data(), view.count, view.byteStride);
+    else if (view.filter == "COLOR")
+        decodeColors(decoded, view);
     return decoded;
 }
 
