@@ -55,6 +55,7 @@ class VellumConan(ConanFile):
                           "vulkan-loader/[>=1.3.239]", "zlib/[>=1.2.11 <2]"):
             self.requires(reference)
         if self.options.images:
+            self.requires("libavif/[>=1]")
             self.requires("libjpeg-turbo/[>=3]")
             self.requires("libpng/[>=1.6]")
             self.requires("libwebp/[>=1.3]")

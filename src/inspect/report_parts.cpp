@@ -80,8 +80,8 @@ void writeSkipped(std::span<const SkippedPrimitive> skipped, JsonWriter &json)
 std::vector<std::string> unreadableFormats()
 {
     std::vector<std::string> formats;
-    if (!kDecodesWebp)
-        formats.emplace_back("WebP images");
+    if (!kDecodesWebpAndAvif)
+        formats.emplace_back("WebP and AVIF images");
     if (!kDecompressesMeshes)
         formats.emplace_back("geometry compressed by Draco or meshoptimizer");
     return formats;

@@ -57,7 +57,7 @@ std::string describe(const SkippedPrimitive &skipped);
 // "skipped": an array.
 void writeSkipped(std::span<const SkippedPrimitive> skipped, JsonWriter &json);
 
-// The formats that this build cannot read, such as "WebP images"; empty if it reads everything.
+// The formats that this build cannot read, such as "WebP and AVIF images"; empty if it reads everything.
 std::vector<std::string> unreadableFormats();
 
 } // namespace vellum

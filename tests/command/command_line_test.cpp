@@ -49,8 +49,8 @@ TEST(CommandLine, VersionAndWhatTheBuildCannotRead)
     const std::string version = runVellum({"--version"}).output;
     EXPECT_EQ(runVellum({"-V"}).output, version);
     std::string expected = R"(vellum \d+\.\d+\.\d+( \([0-9a-f]{12}\))?\n)";
-    if (!vellum::kDecodesWebp)
-        expected += "this build cannot read WebP images\n";
+    if (!vellum::kDecodesWebpAndAvif)
+        expected += "this build cannot read WebP and AVIF images\n";
     if (!vellum::kDecompressesMeshes)
         expected += "this build cannot read geometry compressed by Draco or meshoptimizer\n";
     EXPECT_TRUE(std::regex_match(version, std::regex(expected))) << version;

@@ -23,7 +23,7 @@ const char *const kPrimitives = R"({"asset": {"version": "2.0"}, "meshes": [{"pr
 {"attributes": {"POSITION": 4}, "material": 0, "mode": 6}]}], "materials": [{"alphaMode": "MASK", "pbrMetallicRoughness":
 {"baseColorTexture": {"index": 0, "texCoord": 1, "extensions": {"KHR_texture_transform": {"texCoord": 0, "offset": [1, 2],
 "rotation": 1, "scale": [2, 3]}}}}}], "textures": [{"source": 0, "sampler": 0, "extensions": {"EXT_texture_webp":
-{"source": 0}}}], "samplers": [{"wrapS": 33071}], "images": [{"uri": "data:image/png;base64,iVBORw0KGgo="}], "accessors": [
+{"source": 0}, "EXT_texture_avif": {"source": 0}}}], "samplers": [{"wrapS": 33071}], "images": [{"uri": "data:image/png;base64,iVBORw0KGgo="}], "accessors": [
 {"bufferView": 0, "componentType": 5120, "count": 6, "type": "VEC3", "normalized": true},
 {"bufferView": 0, "byteOffset": 4, "componentType": 5123, "count": 6, "type": "VEC2"},
 {"bufferView": 0, "componentType": 5121, "count": 6, "type": "VEC4", "normalized": true},
@@ -111,6 +111,10 @@ void writeGltfSeeds(const std::filesystem::path &folder)
     seed(2, "interlaced.png", pngImage(8, 4, 16, PNG_COLOR_TYPE_GRAY_ALPHA, true, Bytes(128)));
     seed(2, "image.webp", webpImage(8, 8, rgba));
     seed(2, "image.jpg", jpegImage(8, 8, rgba));
+    const std::vector<uint16_t> wide(rgba.begin(), rgba.end());
+    seed(2, "image.avif", avifImage(8, 8, wide));
+    seed(2, "wide.avif", avifImage(8, 8, wide, {.depth = 10}));
+    seed(2, "grid.avif", avifImage(64, 64, std::vector<uint16_t>(size_t{4} * 64 * 64, 9), {.columns = 2}));
     const std::vector<std::array<float, 3>> positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0},
                                                          {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
     const std::vector<std::array<float, 2>> uvs(6);

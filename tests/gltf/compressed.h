@@ -26,6 +26,22 @@ Bytes meshoptIndices(const std::vector<uint32_t> &indices);
 
 // If the build cannot decode such images, only the beginning of one.
 Bytes webpImage(uint32_t width, uint32_t height, const Bytes &rgba);
+
+struct AvifKind {
+    unsigned depth = 8; // bits of each value of `rgba`
+    bool alpha = true;
+    bool premultiplied = false; // `rgba` is
+    uint8_t rotation = 0;       // quarters of a turn
+    bool mirrored = false;
+    bool cropped = false;
+    unsigned frames = 1;
+    unsigned columns = 1; // of a grid whose cells are all this image
+};
+// Lossless. If the build cannot decode such images, only the beginning of one.
+Bytes avifImage(uint32_t width, uint32_t height, const std::vector<uint16_t> &rgba, const AvifKind &kind = {});
+// The same with other sizes in its headers; those of its frames stay.
+Bytes resizedAvif(Bytes avif, uint32_t width, uint32_t height);
+
 Bytes jpegImage(uint32_t width, uint32_t height, const Bytes &rgb);
 constexpr int kGray = 0;
 constexpr int kRgb = 2;

@@ -351,6 +351,7 @@ TEST(GltfWrongFile, Images)
     const Bytes rgba(64 * 64 * 4, 200);
     const Bytes png = pngImage(64, 64, 8, 6, false, rgba);
     const Bytes webp = webpImage(64, 64, rgba);
+    const Bytes avif = avifImage(64, 64, {rgba.begin(), rgba.end()}, {.depth = 10});
     const Bytes jpeg = jpegImage(64, 64, rgba);
     const auto cut = [](const Bytes &bytes, size_t length) {
         return Bytes(bytes.begin(), bytes.begin() + static_cast<ptrdiff_t>(length));
@@ -367,8 +368,9 @@ TEST(GltfWrongFile, Images)
                                 Bytes{0xff, 0xd8, 0xff, 0xd9},
                                 Bytes(64, 17),
                                 Bytes{'G', 'I', 'F', '8', '9', 'a', 0, 0, 0, 0, 0, 0}};
-    if (kDecodesWebp)
-        wrong.insert(wrong.end(), {cut(webp, 12), cut(webp, 20), noEnd});
+    if (kDecodesWebpAndAvif)
+        wrong.insert(wrong.end(),
+                     {cut(webp, 12), cut(webp, 20), noEnd, cut(avif, 20), cut(avif, 200), cut(avif, avif.size() - 1)});
     for (const Bytes &image : wrong)
         EXPECT_EQ(errorOfImage(image).substr(0, 26), "image 0 cannot be decoded:") << image.size();
 }
@@ -393,11 +395,19 @@ TEST(GltfWrongFile, ImagesThatAnnounceHugeSizes)
     for (const auto &[width, height] : std::vector<std::pair<uint32_t, uint32_t>>{
              {16384, 16384}, {65535, 65535}, {16384, 1025}, {8192, 8192}, {65535, 1}, {0, 16}})
         EXPECT_EQ(errorOfImage(resizedJpeg(jpeg, width, height)).substr(0, 7), "image 0") << width << " x " << height;
-    if (!kDecodesWebp)
+    if (!kDecodesWebpAndAvif)
         return;
     for (const uint32_t height : {1025u, 4000u})
         EXPECT_EQ(errorOfImage(webpImage(16383, height, Bytes(size_t{16383} * height * 4))).substr(0, 11),
                   "image 0 has");
+    const Bytes avif = avifImage(16, 16, {rgba.begin(), rgba.end()});
+    for (const auto &[width, height] : std::vector<std::pair<uint32_t, uint32_t>>{
+             {16384, 16384}, {16384, 1025}, {0xffffffff, 0xffffffff}, {0, 16}, {0x7fffffff, 1}, {20000, 1}})
+        EXPECT_EQ(errorOfImage(resizedAvif(avif, width, height)).substr(0, 7), "image 0") << width << " x " << height;
+    // The frame alone has all these texels.
+    const Bytes wide = avifImage(16384, 1025, std::vector<uint16_t>(size_t{4} * 16384 * 1025));
+    EXPECT_EQ(errorOfImage(wide).substr(0, 11), "image 0 has");
+    EXPECT_EQ(errorOfImage(resizedAvif(wide, 64, 64)).substr(0, 26), "image 0 cannot be decoded:");
 }
 
 // A stream that is decompressed to far more than the image's size: what is too much is not looked at.

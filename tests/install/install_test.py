@@ -261,7 +261,7 @@ class Installation(unittest.TestCase):
     def test_exports(self):
         self.check_exports("libvellum", "VELLUM_0.1", {"vellum.h": FUNCTIONS, "spirv.h": SPIRV_FUNCTIONS}, "")
         self.check_exports("libvellum_gltf", "VELLUM_GLTF_0.1", {"gltf.h": GLTF_FUNCTIONS},
-                           "|libdraco|libmeshoptimizer|libwebp|libpng16|libjpeg|libcrypto")
+                           "|libdraco|libmeshoptimizer|libavif|libwebp|libpng16|libjpeg|libcrypto")
 
     def test_layer_and_command(self):
         manifest = self.prefix / "share/vulkan/explicit_layer.d/VkLayer_vellum_opacity_micromap.json"

@@ -30,6 +30,7 @@ const char *meaningOf(const std::string &extension)
         {"KHR_meshopt_compression", "compressed triangles"},
         {"KHR_draco_mesh_compression", "compressed triangles"},
         {"EXT_texture_webp", "WebP images"},
+        {"EXT_texture_avif", "AVIF images"},
         {"KHR_texture_basisu", "KTX2 images"},
     };
     const auto found = meanings.find(extension);
@@ -47,6 +48,8 @@ std::string typeOf(std::span<const uint8_t> bytes)
         return "WebP";
     if (text.starts_with("\xabKTX 20"))
         return "KTX2";
+    if (isAvif(bytes))
+        return "AVIF";
     return "unknown";
 }
 

@@ -49,12 +49,17 @@ void checkJpeg(Encoded encoded, const std::string &what)
 
 } // namespace
 
+uint64_t mostTexels(Encoded encoded)
+{
+    return std::max(kTexelsAlwaysAllowed, kMostTexelsPerByte * encoded.size());
+}
+
 Image imageOf(uint64_t width, uint64_t height, Encoded encoded, const std::string &what)
 {
     const std::string size = std::to_string(width) + " x " + std::to_string(height) + " texels";
     if (width == 0 || height == 0 || width > kMostTexels || height > kMostTexels)
         throw GltfError(what + " has " + size);
-    if (width * height > std::max(kTexelsAlwaysAllowed, kMostTexelsPerByte * encoded.size()))
+    if (width * height > mostTexels(encoded))
         throw GltfError(what + " has " + size + " in " + std::to_string(encoded.size()) + " bytes");
     return {static_cast<uint32_t>(width), static_cast<uint32_t>(height), {}, {}};
 }
@@ -75,6 +80,18 @@ void takeWide(Encoded rows, Image &image)
         image.alpha16[i] = static_cast<uint16_t>(rows[8 * i + 6] << 8 | rows[8 * i + 7]);
 }
 
+bool isAvif(Encoded encoded)
+{
+    if (!has(encoded, 4, "ftyp"sv))
+        return false;
+    // The size of the box, "ftyp", the major brand, a version, compatible brands.
+    const size_t size = size_t{encoded[0]} << 24 | size_t{encoded[1]} << 16 | size_t{encoded[2]} << 8 | encoded[3];
+    for (size_t at = 8; at + 4 <= std::min(size, encoded.size()); at += at == 8 ? 8 : 4)
+        if (has(encoded, at, "avif"sv) || has(encoded, at, "avis"sv))
+            return true;
+    return false;
+}
+
 Image decodeImage(Encoded encoded, const std::string &what)
 {
     if (encoded.empty())
@@ -87,13 +104,13 @@ Image decodeImage(Encoded encoded, const std::string &what)
     }
     if (has(encoded, 0, "RIFF"sv) && has(encoded, 8, "WEBP"sv))
         return readWebp(encoded, what);
+    if (isAvif(encoded))
+        return readAvif(encoded, what);
     if (has(encoded, 0, "\xabKTX 20\xbb\r\n\x1a\n"sv))
         throw GltfUnsupported(what + " is a KTX2 file, which is not supported");
-    if (has(encoded, 4, "ftyp"sv))
-        throw GltfUnsupported(what + " is an AVIF file, which is not supported");
     if (has(encoded, 0, "DDS "sv))
         throw GltfUnsupported(what + " is a DDS file, which is not supported");
-    failToDecode(what, "it is neither PNG nor JPEG nor WebP");
+    failToDecode(what, "it is neither PNG nor JPEG nor WebP nor AVIF");
 }
 
 } // namespace vellum

@@ -178,7 +178,7 @@ private:
 
 } // namespace
 
-const bool kDecodesWebp = true;
+const bool kDecodesWebpAndAvif = true;
 
 Image readPng(Encoded encoded, const std::string &what)
 {

@@ -135,7 +135,7 @@ void checkPng(Encoded encoded, const std::string &what)
 
 } // namespace
 
-const bool kDecodesWebp = false;
+const bool kDecodesWebpAndAvif = false;
 
 Image readPng(Encoded encoded, const std::string &what)
 {
@@ -155,6 +155,11 @@ Image readJpeg(Encoded encoded, const std::string &what)
 Image readWebp(Encoded, const std::string &what)
 {
     throw GltfUnsupported(what + " is a WebP image, which this build cannot decode (VELLUM_IMAGE_LIBRARIES)");
+}
+
+Image readAvif(Encoded, const std::string &what)
+{
+    throw GltfUnsupported(what + " is an AVIF image, which this build cannot decode (VELLUM_IMAGE_LIBRARIES)");
 }
 
 } // namespace vellum

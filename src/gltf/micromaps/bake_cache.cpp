@@ -160,7 +160,7 @@ Digest bakeKey(std::span<const BakeInput> inputs, std::span<const Digest> textur
 {
     KeyDigest key;
     key.add(kBakeVersion);
-    key.add(kDecodesWebp); // otherwise such a texture is not baked
+    key.add(kDecodesWebpAndAvif); // otherwise such a texture is not baked
     add(options, key);
     key.add(uint64_t{textures.size()});
     for (const Digest &texture : textures)

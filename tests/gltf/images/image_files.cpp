@@ -2,6 +2,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <zlib.h>
 
 #define STB_IMAGE_WRITE_IMPLEMENTATION
@@ -66,6 +67,17 @@ void appendPass(Bytes &data, const Pass &pass, uint32_t width, uint32_t height, 
 }
 
 } // namespace
+
+Bytes resizedAvif(Bytes avif, uint32_t width, uint32_t height)
+{
+    for (size_t i = 0; i + 16 < avif.size(); ++i)
+        if (std::string_view(reinterpret_cast<const char *>(&avif[i]), 4) == "ispe")
+            for (size_t byte = 0; byte < 4; ++byte) { // after the version and flags
+                avif[i + 8 + byte] = static_cast<uint8_t>(width >> (24 - 8 * byte));
+                avif[i + 12 + byte] = static_cast<uint8_t>(height >> (24 - 8 * byte));
+            }
+    return avif;
+}
 
 Bytes jpegImage(uint32_t width, uint32_t height, const Bytes &rgb)
 {
