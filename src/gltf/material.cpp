@@ -2,10 +2,10 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "base/text.h"
 #include "core/portable_math.h"
 #include "gltf/data/image.h"
 #include "gltf/file/uri.h"
-#include "base/text.h"
 #include "gltf/primitive.h"
 
 namespace vellum
@@ -45,29 +45,42 @@ Wrap wrapOf(int mode)
     }
 }
 
-// The image that a renderer takes which reads what is read here: that of EXT_texture_webp; the texture's own, also in
-// place of what is not read here; else one of the latter, so that the error is about it.
+// The image that a renderer takes which reads what is read here: the first by an extension, in the order of three.js;
+// the texture's own, also in place of what is not read here; else one of the latter, so that the error is about it.
 int imageOf(const gltf_json::Texture &texture, int index, Material &material)
 {
-    const auto sourceOf = [&](const char *extension) {
-        return gltf_json::indexIn(texture.extensions[extension], "source", extension).value_or(-1);
+    struct Extension {
+        const char *name;
+        bool isRead;
     };
-    constexpr std::array kUnread = {"KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"};
-    const int webp = sourceOf("EXT_texture_webp");
-    if (webp >= 0 || texture.source >= 0)
-        for (const char *extension : kUnread)
-            if (sourceOf(extension) >= 0)
-                material.unreadImage = extension;
-    if (webp >= 0) {
-        if (texture.source >= 0 && texture.source != webp)
-            material.otherImage = "EXT_texture_webp";
-        return webp;
+    const std::array extensions = {Extension{"EXT_texture_webp", kDecodesWebpAndAvif},
+                                   Extension{"EXT_texture_avif", kDecodesWebpAndAvif},
+                                   Extension{"KHR_texture_basisu", false}, Extension{"MSFT_texture_dds", false}};
+    int taken = -1;
+    int unread = -1;
+    const char *reader = nullptr;
+    bool others = false;
+    for (const auto &[name, isRead] : extensions) {
+        const int source = gltf_json::indexIn(texture.extensions[name], "source", name).value_or(-1);
+        if (source < 0)
+            continue;
+        if (!isRead) {
+            unread = unread < 0 ? source : unread;
+            material.unreadImage = name;
+        } else if (taken < 0) {
+            taken = source;
+            reader = name;
+        } else {
+            others |= source != taken;
+        }
     }
-    if (texture.source >= 0)
-        return texture.source;
-    for (const char *extension : kUnread)
-        if (const int source = sourceOf(extension); source >= 0)
-            return source;
+    if (reader != nullptr && (others || (texture.source >= 0 && texture.source != taken)))
+        material.otherImage = reader;
+    if (taken >= 0 || texture.source >= 0)
+        return taken >= 0 ? taken : texture.source;
+    material.unreadImage.clear();
+    if (unread >= 0)
+        return unread;
     throw GltfUnsupported("texture " + std::to_string(index) + " has no image that is known here");
 }
 

@@ -36,7 +36,7 @@ struct Material {
 
     // Alpha-tested: alphaMode MASK, or BLEND, which is treated as a mask.
     // The texture also has another image: by an extension that is not supported here ("KHR_texture_basisu"), or for
-    // readers that do not support one that is used here (EXT_texture_webp). Empty if all readers use the same
+    // readers that do not support one that is used here ("EXT_texture_webp"). Empty if all readers use the same
     // image.
     std::string unreadImage;
     std::string otherImage;

@@ -8,6 +8,7 @@
 
 #include "command.h"
 #include "compressed.h"
+#include "gltf/data/image.h"
 #include "gltf/file/json_edit.h"
 #include "gltf/file/json_tree.h"
 
@@ -218,6 +219,27 @@ TEST_F(GltfReport, UnreadableFilesFail)
     // An excluded material is not an error.
     write("card.glb", {{kMask, kBlend}});
     EXPECT_EQ(run({"bake", in("card.glb")}).errors, "");
+}
+
+TEST_F(GltfReport, AvifTextures)
+{
+    const Bytes disc = avifImage(8, 8, std::vector<uint16_t>(size_t{4} * 8 * 8, 255));
+    writeFile(folder / "disc.avif", disc);
+    write("card.glb", {{R"({"source": 0, "sampler": 0})", R"({"extensions": {"EXT_texture_avif": {"source": 1}}})"},
+                       {R"("bufferView": 3}])", R"("bufferView": 3}, {"uri": "disc.avif"}])"},
+                       {R"("asset": {"version": "2.0"},)",
+                        R"("asset": {"version": "2.0"}, "extensionsUsed": ["EXT_texture_avif"],)"}});
+    const Outcome info = run({"info", in("card.glb")});
+    EXPECT_TRUE(has(info.output, "EXT_texture_avif: AVIF images\n")) << info.output;
+    const std::string bytes = std::to_string(disc.size()) + " bytes";
+    EXPECT_EQ(lineOf(info, "image 1"), kDecodesWebpAndAvif ? "image 1     8 x 8, AVIF, " + bytes
+                                                           : "image 1     image 1 (disc.avif) is an AVIF image, which "
+                                                             "this build cannot decode (VELLUM_IMAGE_LIBRARIES)");
+    const Outcome json = run({"info", in("card.glb"), "--json"});
+    const JsonTree tree(json.output);
+    const JsonValue file = tree.root()["files"].children().at(0);
+    EXPECT_EQ(file["images"].children().at(1)["type"].string(), "AVIF");
+    run({"bake", in("card.glb")}, kDecodesWebpAndAvif ? 0 : 1);
 }
 
 TEST_F(GltfReport, AReasonDoesNotNameThePrimitiveAgain)

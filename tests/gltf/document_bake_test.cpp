@@ -7,8 +7,9 @@
 #include <cstring>
 #include <gtest/gtest.h>
 
-#include "glb_file.h"
+#include "compressed.h"
 #include "gltf/alpha_textures.h"
+#include "gltf/data/image.h"
 #include "gltf/primitive.h"
 
 using namespace vellum;
@@ -266,15 +267,90 @@ TEST(DocumentBake, MissingIndicesAndPositionsGiveNoTriangleCount)
 // A renderer that reads the other image would sample that.
 TEST(DocumentBake, FallbackImagesOnRequest)
 {
-    for (const std::string extension : {"KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"}) {
+    std::vector<std::string> unread = {"KHR_texture_basisu", "MSFT_texture_dds"};
+    if (!kDecodesWebpAndAvif)
+        unread.insert(unread.end(), {"EXT_texture_webp", "EXT_texture_avif"});
+    for (const std::string &extension : unread) {
         const Replacements both = {
             {R"({"source": 0, "sampler": 0})",
              R"({"source": 0, "sampler": 0, "extensions": {")" + extension + R"(": {"source": 1}}})"},
             {R"("bufferView": 3}])", R"("bufferView": 3}, {"uri": "none"}])"}};
-        EXPECT_EQ(reasonFor(both), "its texture has an image that is not supported (" + extension + ")");
+        EXPECT_EQ(reasonFor(both), "its texture also has an image that is not supported (" + extension +
+                                       "), which renderers may take: --fallback-images bakes from the other one");
         DocumentBakeOptions options = optionsOf();
         options.fallbackImages = true;
         expectSame(bakeCard(both, options), bakeDirectly(0.25));
+    }
+}
+
+// The texture's own image, or one by an extension, in the order in which three.js takes them. Two of the four
+// extensions need decoders that this build may lack.
+TEST(DocumentBake, ImageThatRenderersTake)
+{
+    struct Case {
+        std::string texture;
+        int image;
+        std::string other, unread;
+        int imageWithout; // the decoders
+        std::string unreadWithout;
+    };
+    const std::string webp = "EXT_texture_webp";
+    const std::string avif = "EXT_texture_avif";
+    const std::string ktx = "KHR_texture_basisu";
+    const auto by = [](const std::string &extension, int source) {
+        return "\"" + extension + "\": {\"source\": " + std::to_string(source) + "}";
+    };
+    const auto only = [](const std::string &extensions) { return "\"extensions\": {" + extensions + "}"; };
+    const auto also = [&](const std::string &extensions) { return "\"source\": 0, " + only(extensions); };
+    for (const Case &c : std::vector<Case>{
+             {"\"source\": 0", 0, "", "", 0, ""},
+             {also(by(webp, 1)), 1, webp, "", 0, webp},
+             {also(by(avif, 1)), 1, avif, "", 0, avif},
+             {also(by(avif, 0)), 0, "", "", 0, avif},
+             {only(by(avif, 1)), 1, "", "", 1, ""},
+             {also(by(avif, 2) + ", " + by(webp, 1)), 1, webp, "", 0, avif},
+             {only(by(avif, 2) + ", " + by(webp, 1)), 1, webp, "", 1, ""},
+             {only(by(avif, 1) + ", " + by(webp, 1)), 1, "", "", 1, ""},
+             {also(by(ktx, 1)), 0, "", ktx, 0, ktx},
+             {also(by(ktx, 1) + ", " + by(avif, 2)), 2, avif, ktx, 0, ktx},
+             {only(by(ktx, 1) + ", " + by(avif, 2)), 2, "", ktx, 2, ""},
+             {only(by(ktx, 1)), 1, "", "", 1, ""},
+         }) {
+        const TemporaryFolder folder;
+        writeFile(folder / "test.glb",
+                  cardGlb({{R"({"source": 0, "sampler": 0})", "{" + c.texture + "}"},
+                           {R"("bufferView": 3}])", R"("bufferView": 3}, {"uri": "1"}, {"uri": "2"}])"}}));
+        const Material material = readMaterial(Document(folder / "test.glb"), 0);
+        EXPECT_EQ(material.image, kDecodesWebpAndAvif ? c.image : c.imageWithout) << c.texture;
+        EXPECT_EQ(material.otherImage, kDecodesWebpAndAvif ? c.other : "") << c.texture;
+        EXPECT_EQ(material.unreadImage, kDecodesWebpAndAvif ? c.unread : c.unreadWithout) << c.texture;
+    }
+}
+
+// Alpha of 8 bits as in the PNG, and more exact than that with more bits.
+TEST(DocumentBake, AvifTextures)
+{
+    if (!kDecodesWebpAndAvif)
+        GTEST_SKIP() << "this build has no libavif";
+    const Image disc = decodeImage(discPng(), "disc");
+    const Replacements texture = {
+        {R"({"source": 0, "sampler": 0})", R"({"sampler": 0, "extensions": {"EXT_texture_avif": {"source": 1}}})"},
+        {R"("bufferView": 3}])", R"("bufferView": 3}, {"uri": "disc.avif"}])"}};
+    const TemporaryFolder folder;
+    writeFile(folder / "test.glb", cardGlb(texture));
+    const auto bake = [&](const std::vector<uint16_t> &rgba, unsigned depth, const DocumentBakeOptions &options) {
+        writeFile(folder / "disc.avif", avifImage(disc.width, disc.height, rgba, {.depth = depth}));
+        return bakeDocument(Document(folder / "test.glb"), options);
+    };
+    expectSame(bake({disc.rgba.begin(), disc.rgba.end()}, 8, optionsOf()), bakeDirectly(0.25));
+    // The cutoff is a third, for a factor of 0.75. Of 8 bits, both values would be 85, a third as well.
+    DocumentBakeOptions exact = optionsOf();
+    exact.bake.exactly();
+    for (const uint16_t alpha : {uint16_t{340}, uint16_t{342}}) {
+        const DocumentBake result = bake(std::vector<uint16_t>(disc.rgba.size(), alpha), 10, exact);
+        ASSERT_EQ(result.primitives.size(), 1u);
+        for (const int32_t index : result.primitives[0].micromap.indices)
+            EXPECT_EQ(index, specialIndex(alpha == 340 ? State::Transparent : State::Opaque)) << alpha;
     }
 }
 

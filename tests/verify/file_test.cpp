@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 
 #include "card_file.h"
+#include "compressed.h"
+#include "gltf/data/image.h"
 #include "gltf/micromaps/file_bake.h"
 #include "verify_cases.h"
 
@@ -259,6 +261,35 @@ TEST(VerifyFile, CautionsOfAnotherImage)
     writeFile(folder / "card.glb", packGlb(json, Bytes(bytes.begin() + 28 + length, bytes.end())));
     const FileReport report = verify::verifyDocument(Document(folder / "card.glb"), {});
     EXPECT_EQ(report.primitives.at(0).caution, "its texture has an image that is not supported (KHR_texture_basisu)");
+}
+
+// The image by the extension is verified, of whatever depth, and those who do not know it may take another.
+TEST(VerifyFile, AvifTextures)
+{
+    if (!kDecodesWebpAndAvif)
+        GTEST_SKIP() << "this build has no libavif";
+    const Image disc = decodeImage(discPng(), "disc");
+    Bytes bytes = bakedCard().bytes();
+    uint32_t length = 0;
+    std::memcpy(&length, &bytes[12], sizeof length);
+    std::string json(bytes.begin() + 20, bytes.begin() + 20 + length);
+    const std::string texture = R"("textures": [{"source": 0)";
+    json.insert(json.find(texture) + texture.size(), R"(, "extensions": {"EXT_texture_avif": {"source": 1}})");
+    json.insert(json.find(R"(], "accessors")"), R"(, {"uri": "disc.avif"})");
+    const TemporaryFolder folder;
+    writeFile(folder / "card.glb", packGlb(json, Bytes(bytes.begin() + 28 + length, bytes.end())));
+    for (const unsigned depth : {8u, 10u, 12u})
+        for (const bool same : {true, false}) {
+            std::vector<uint16_t> rgba;
+            for (const uint8_t value : disc.rgba)
+                rgba.push_back(static_cast<uint16_t>((value != 0) == same ? (1u << depth) - 1 : 0));
+            writeFile(folder / "disc.avif", avifImage(disc.width, disc.height, rgba, {.depth = depth}));
+            const FileReport report = verify::verifyDocument(Document(folder / "card.glb"), {});
+            ASSERT_EQ(report.primitives.size(), 1u);
+            EXPECT_EQ(report.primitives[0].caution,
+                      "its texture has another image for those who do not know EXT_texture_avif");
+            EXPECT_EQ(report.counts().of(Kind::Wrong) == 0, same) << depth;
+        }
 }
 
 // The baker gives up triangles whose vertices have different alphas, or alphas that no texture has. It can be proven

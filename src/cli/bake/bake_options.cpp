@@ -158,8 +158,9 @@ void declareSelection(CLI::App &command, DocumentBakeOptions &options)
     addBlendOptions(command, options.blend, options.blendCutoff,
                     "Bake alphaMode BLEND as well: opaque only where alpha is 1, transparent only where it is 0",
                     "With --blend: bake as a mask with this cutoff, which is wrong for renderers that blend or dither");
-    command.add_flag("--fallback-images", options.fallbackImages,
-                     "For textures with a KTX2, AVIF or DDS image, bake from their PNG or JPEG image");
+    command.add_flag(
+        "--fallback-images", options.fallbackImages,
+        "For textures with an image that is not supported (KTX2, DDS) and another one, bake from the latter");
     command
         .add_option("--exclude-material", options.excludedMaterials,
                     "Skip primitives with a material of this name, a shell pattern; repeatable")

@@ -209,7 +209,8 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
         return skip(place, material.name, SkipReason::NoTriangles, "it has neither indices nor positions");
     if (!material.unreadImage.empty() && !options_.fallbackImages)
         return skip(place, material.name, SkipReason::UnsupportedImage,
-                    "its texture has an image that is not supported (" + material.unreadImage + ")");
+                    "its texture also has an image that is not supported (" + material.unreadImage +
+                        "), which renderers may take: --fallback-images bakes from the other one");
     Primitive primitive = readPrimitive(document_, place, Positions::Skip);
     if (material.image >= 0 && primitive.uvs.empty())
         return skip(place, material.name, SkipReason::NoTextureCoordinates,

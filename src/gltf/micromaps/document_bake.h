@@ -30,8 +30,7 @@ struct DocumentBakeOptions {
     bool blend = false;
     // Bakes it as a mask with this cutoff instead, which is right only for renderers that treat it as one.
     std::optional<float> blendCutoff;
-    // For textures that have an image of an unsupported kind (KTX2, AVIF, DDS) and a fallback, bakes from the
-    // fallback.
+    // For textures that have an image of an unsupported kind (KTX2, DDS) and another one, bakes from the latter.
     bool fallbackImages = false;
     // Primitives whose material or mesh has such a name (shell patterns: * ? [...]) are not baked.
     std::vector<std::string> excludedMaterials;
