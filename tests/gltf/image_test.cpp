@@ -234,9 +234,10 @@ TEST(GltfImage, UnsupportedKindsAreIdentified)
         text.resize(64);
         return Bytes(text.begin(), text.end());
     };
-    EXPECT_EQ(errorOf(padded("\xabKTX 20\xbb\r\n\x1a\n")),
-              "unsupported: image 0 is a KTX2 file, which is not supported");
-    EXPECT_EQ(errorOf(padded("DDS ")), "unsupported: image 0 is a DDS file, which is not supported");
+    const std::string help = ", which is not supported: bake before the textures are compressed, by a tool that keeps "
+                             "unknown extensions, or keep their PNG or JPEG images (--fallback-images)";
+    EXPECT_EQ(errorOf(padded("\xabKTX 20\xbb\r\n\x1a\n")), "unsupported: image 0 is a KTX2 file" + help);
+    EXPECT_EQ(errorOf(padded("DDS ")), "unsupported: image 0 is a DDS file" + help);
     // Other ISO media files.
     for (const char *brand : {"heic", "isom", "mif1", "avic"})
         EXPECT_EQ(errorOf(padded(std::string("\0\0\0\x20", 4) + "ftyp" + brand)),

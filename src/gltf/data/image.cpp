@@ -14,6 +14,11 @@ using namespace std::string_view_literals;
 
 constexpr uint64_t kTexelsAlwaysAllowed = uint64_t{1} << 24;
 
+// What helps where the texels cannot be had.
+constexpr const char *kBakeEarlier =
+    ", which is not supported: bake before the textures are compressed, by a tool that "
+    "keeps unknown extensions, or keep their PNG or JPEG images (--fallback-images)";
+
 bool has(Encoded encoded, size_t offset, std::string_view bytes)
 {
     return encoded.size() >= offset + bytes.size() &&
@@ -107,9 +112,9 @@ Image decodeImage(Encoded encoded, const std::string &what)
     if (isAvif(encoded))
         return readAvif(encoded, what);
     if (has(encoded, 0, "\xabKTX 20\xbb\r\n\x1a\n"sv))
-        throw GltfUnsupported(what + " is a KTX2 file, which is not supported");
+        throw GltfUnsupported(what + " is a KTX2 file" + kBakeEarlier);
     if (has(encoded, 0, "DDS "sv))
-        throw GltfUnsupported(what + " is a DDS file, which is not supported");
+        throw GltfUnsupported(what + " is a DDS file" + kBakeEarlier);
     failToDecode(what, "it is neither PNG nor JPEG nor WebP nor AVIF");
 }
 
