@@ -97,8 +97,9 @@ def evaluate(missing, why):
     given = {name: next((reason for pattern, reason in why.items() if fnmatch.fnmatchcase(name, pattern)), None)
              for name in missing}
     findings = [f"{name} is not varied, and not_varied.txt gives no reason" for name, reason in given.items() if not reason]
-    findings += [f"not_varied.txt: {pattern} is varied, or does not exist" for pattern in why
-                 if not any(fnmatch.fnmatchcase(name, pattern) for name in missing)]
+    # Other versions of lavapipe have other known faults.
+    findings += [f"not_varied.txt: {pattern} is varied, or does not exist" for pattern, reason in why.items()
+                 if not reason.startswith("lavapipe 25 ") and not any(fnmatch.fnmatchcase(name, pattern) for name in missing)]
     return findings, given
 
 
