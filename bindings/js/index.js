@@ -169,15 +169,23 @@ class Call {
       module.calls.pop();
     }
     const words = (address, count) => new Uint32Array(module.memory.buffer, address, count);
-    const [code, text, textSize, parts, partCount] = words(result, 5);
     const bytes = (address, size) => new Uint8Array(module.memory.buffer, address, size);
-    const message = new TextDecoder().decode(bytes(text, textSize));
     const copies = [];
-    for (let i = 0; code === 0 && i < partCount; ++i) {
-      const [address, size] = words(parts + 8 * i, 2);
-      copies.push(bytes(address, size).slice());
+    let code, message;
+    try {
+      const [itsCode, text, textSize, parts, partCount] = words(result, 5);
+      code = itsCode;
+      message = new TextDecoder().decode(bytes(text, textSize));
+      for (let i = 0; code === 0 && i < partCount; ++i) {
+        const [address, size] = words(parts + 8 * i, 2);
+        copies.push(bytes(address, size).slice());
+      }
+    } catch (error) {
+      // The result is too large for another copy of it.
+      throw error instanceof RangeError ? new VellumError('VELLUM_ERROR_OUT_OF_MEMORY', error.message) : error;
+    } finally {
+      module.destroyResult(result);
     }
-    module.destroyResult(result);
     if (this.thrown) throw this.thrown.error;
     if (code !== 0) throw new VellumError(module.nameOf(code | 0), message || 'the call was cancelled');
     return [JSON.parse(message), copies];
@@ -208,6 +216,8 @@ function addTexture(call, bake, texture) {
 
 function addInput(call, bake, input) {
   known('input', input, kInputNames);
+  if (input.textures !== undefined && input.texture !== undefined)
+    throw new VellumError(ARGUMENT, 'an input has texture or textures, not both');
   const textures = input.textures ?? (input.texture === undefined ? [] : [input.texture]);
   if (!Array.isArray(textures)) reject('textures', textures, 'an array');
   for (const texture of textures) addTexture(call, bake, texture);
@@ -339,17 +349,17 @@ class Vellum {
   }
 }
 
-// vellum.wasm beside this file, in Node.js and in browsers.
-async function ownModule() {
-  const url = new URL('./vellum.wasm', import.meta.url);
+// Node.js fetches no files.
+async function fetched(url) {
   if (url.protocol !== 'file:') return fetch(url);
-  const { readFile } = await import('node:fs/promises');
+  const { readFile } = await import(/* webpackIgnore: true */ /* @vite-ignore */ 'node:fs/promises');
   return readFile(url);
 }
 
 async function compile(source) {
   if (source instanceof WebAssembly.Module) return source;
-  if (typeof source === 'string' || source instanceof URL) source = await fetch(source);
+  if (typeof source === 'string') source = new URL(source, globalThis.location?.href ?? import.meta.url);
+  if (source instanceof URL) source = await fetched(source);
   if (typeof Response !== 'undefined' && source instanceof Response) {
     if (!source.ok) throw new Error(`${source.url}: ${source.status} ${source.statusText}`);
     source = await source.arrayBuffer();
@@ -358,7 +368,7 @@ async function compile(source) {
 }
 
 export async function load(source) {
-  const module = await compile(source ?? (await ownModule()));
+  const module = await compile(source ?? new URL('./vellum.wasm', import.meta.url));
   const calls = [];
   const failure = () => -1;
   // No file can be opened, and nothing is printed: every other import fails.

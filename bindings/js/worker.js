@@ -4,7 +4,7 @@
 import { VellumError, load } from './index.js';
 
 const inNode = typeof process !== 'undefined' && Boolean(process.versions?.node);
-const threads = inNode ? await import('node:worker_threads') : undefined;
+const threads = inNode ? await import(/* webpackIgnore: true */ /* @vite-ignore */ 'node:worker_threads') : undefined;
 const kName = 'vellum-omm';
 
 function serve(port) {
@@ -12,7 +12,10 @@ function serve(port) {
   port.onmessage = async ({ data: { id, method, args, options, source, progress } }) => {
     const onProgress = progress ? (done, total) => port.postMessage({ id, done, total }) : undefined;
     try {
-      vellum ??= load(source);
+      vellum ??= load(source).catch((error) => {
+        vellum = undefined; // the next call tries again
+        throw error;
+      });
       const result = (await vellum)[method](...args, { ...options, ...(onProgress && { onProgress }) });
       port.postMessage({ id, result });
     } catch (error) {
@@ -60,11 +63,18 @@ export class VellumWorker {
   }
 
   #start() {
-    const url = new URL(import.meta.url);
-    const worker = inNode ? new threads.Worker(url, { name: kName, workerData: kName }) : new Worker(url, { type: 'module', name: kName });
+    const worker = inNode
+      ? new threads.Worker(new URL('./worker.js', import.meta.url), { name: kName, workerData: kName })
+      : new Worker(new URL('./worker.js', import.meta.url), { type: 'module', name: kName }); // as bundlers know it
     const receive = ({ id, result, error, done, total }) => {
       const call = this.#calls.get(id);
-      if (done !== undefined) return call?.onProgress(done, total);
+      if (done !== undefined) {
+        try {
+          return call?.onProgress(done, total);
+        } catch (error) {
+          return this.terminate(error);
+        }
+      }
       this.#calls.delete(id);
       this.#rest();
       if (!error) return call?.resolve(result);
@@ -82,6 +92,8 @@ export class VellumWorker {
 
   #post(method, args, { onProgress, signal, ...options } = {}) {
     return new Promise((resolve, reject) => {
+      if (onProgress !== undefined && typeof onProgress !== 'function')
+        return reject(new VellumError('VELLUM_ERROR_INVALID_ARGUMENT', 'onProgress must be a function'));
       const cancel = () => this.terminate();
       const end = (settle) => (value) => {
         signal?.removeEventListener('abort', cancel);

@@ -133,7 +133,8 @@ void verifyFile(const Document &document, bool exact, Result &result)
     if (exact)
         options.tolerances = verify::Tolerances{0, 0, 0, 0};
     options.progress = [](size_t done, size_t total) {
-        if (vellumProgressOfCall(static_cast<double>(done), static_cast<double>(total)) != 0)
+        if (vellumProgressOfCall(static_cast<double>(done), static_cast<double>(total)) != 0 ||
+            vellumCancelledOfCall() != 0)
             throw BakeCancelled();
     };
     const verify::FileReport report = verify::verifyDocument(document, options);

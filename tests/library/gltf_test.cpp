@@ -598,6 +598,14 @@ TEST(LibraryGltf, Memory)
     EXPECT_EQ(output, expected);
     EXPECT_EQ(std::memcmp(&card.info, &onDisk, sizeof onDisk), 0);
 
+    output.clear();
+    card.options.progress = [](void *, uint64_t done, uint64_t total) { return done == total ? 1 : 0; };
+    EXPECT_EQ(
+        vellumBakeGltfMemory(input.data(), input.size(), name.c_str(), &card.options, &card.more, append, &card.info),
+        VELLUM_CANCELLED);
+    EXPECT_TRUE(output.empty());
+    card.options.progress = nullptr;
+
     ASSERT_EQ(vellumReadGltfMemory(expected.data(), expected.size(), "card", Card::onMessage, &card, &card.gltf),
               VELLUM_SUCCESS);
     EXPECT_EQ(card.primitive(0).indexCount, 2u);

@@ -224,6 +224,10 @@ test('progress, and cancelling from callbacks', () => {
   const baked = vellum.bakeGltf(bytesOf(tree)).bytes;
   const controller = new AbortController();
   assert.throws(() => vellum.verifyGltf(baked, { signal: controller.signal, onProgress: () => controller.abort() }), cancelled);
+  assert.throws(() => vellum.verifyGltf(baked, { cancelled: () => true }), cancelled);
+  const last = new AbortController();
+  const atTheEnd = { signal: last.signal, onProgress: (done, total) => done === total && last.abort() };
+  assert.throws(() => vellum.bakeGltf(bytesOf(tree), atTheEnd), cancelled);
   const thrown = new Error('of the callback');
   const throws = () => {
     throw thrown;
@@ -257,6 +261,8 @@ test('results stay valid, and modules are independent', async () => {
   const compiled = await WebAssembly.compile(readFileSync(join(folder, 'vellum.wasm')));
   for (const source of [compiled, readFileSync(join(folder, 'vellum.wasm')), new Response(readFileSync(join(folder, 'vellum.wasm')))])
     assert.deepEqual((await api.load(source)).bake(card(), { level: 5 }), first);
+  const file = pathToFileURL(join(folder, 'vellum.wasm'));
+  for (const source of [file, file.href]) assert.deepEqual((await api.load(source)).bake(card(), { level: 5 }), first);
   assert.match(vellum.version, /^\d+\.\d+\.\d+$/);
   assert.equal(vellum.version, JSON.parse(readFileSync(join(folder, 'package.json'), 'utf8')).version);
 });
@@ -272,6 +278,12 @@ test('the worker', async () => {
   const long = worker.bake(card(256), { level: 11, signal: controller.signal });
   controller.abort();
   await assert.rejects(long, fails('VELLUM_CANCELLED', /cancel/));
+  const thrown = new Error('of the callback');
+  const throws = () => {
+    throw thrown;
+  };
+  await assert.rejects(worker.bake(card(256), { level: 9, onProgress: throws }), (error) => error === thrown);
+  await assert.rejects(worker.bake(card(), { onProgress: null }), fails('VELLUM_ERROR_INVALID_ARGUMENT', /onProgress/));
   const { bytes } = await worker.bakeGltf(bytesOf(tree));
   assert.deepEqual(bytes, vellum.bakeGltf(bytesOf(tree)).bytes);
   worker.terminate();

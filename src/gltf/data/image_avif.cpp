@@ -151,13 +151,13 @@ void BoxCheck::checkLocations(Encoded locations, Encoded stored)
                 data = part;
                 continue;
             }
+            joined_ += part.size() + (joined.empty() ? data.size() : 0);
+            if (joined_ > file_.size())
+                failToDecode(what_, "its parts overlap");
             if (joined.empty())
                 joined.assign(data.begin(), data.end());
             joined.insert(joined.end(), part.begin(), part.end());
-            joined_ += part.size();
             data = joined;
-            if (joined_ > file_.size())
-                failToDecode(what_, "its parts overlap");
         }
         countFrames(data);
     }
