@@ -170,11 +170,10 @@ class Call {
     }
     const words = (address, count) => new Uint32Array(module.memory.buffer, address, count);
     const bytes = (address, size) => new Uint8Array(module.memory.buffer, address, size);
+    const [code, text, textSize, parts, partCount] = words(result, 5);
     const copies = [];
-    let code, message;
+    let message;
     try {
-      const [itsCode, text, textSize, parts, partCount] = words(result, 5);
-      code = itsCode;
       message = new TextDecoder().decode(bytes(text, textSize));
       for (let i = 0; code === 0 && i < partCount; ++i) {
         const [address, size] = words(parts + 8 * i, 2);

@@ -2,6 +2,7 @@
 #include "gpu/device.h"
 
 #include "gpu/arena.h"
+#include "gpu/device_selection.h"
 #include "gpu/execution_mode.h"
 #include "gpu/vertex_format.h"
 
@@ -340,8 +341,7 @@ void Device::createDevice()
     scratchAlignment_ = std::max(limits.minAccelerationStructureScratchOffsetAlignment, 1u);
     knownFaults_ =
         gpu::knownFaults(physical_, options_.micromaps && instance_.options().apiVersion >= VK_API_VERSION_1_3);
-    lavapipe26_ = driver_.driverID == VK_DRIVER_ID_MESA_LLVMPIPE &&
-                  properties.properties.driverVersion >= VK_MAKE_API_VERSION(0, 26, 0, 0);
+    lavapipe26_ = isLavapipe26(physical_);
     maxGeometries_ = limits.maxGeometryCount;
     maxPrimitives_ = limits.maxPrimitiveCount;
     maxInstances_ = limits.maxInstanceCount;

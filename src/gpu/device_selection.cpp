@@ -133,6 +133,15 @@ void requireMicromaps(const DeviceInfo &device, Api api, bool layer)
     throw std::runtime_error(text);
 }
 
+bool isLavapipe26(VkPhysicalDevice device)
+{
+    auto driver = vkInit<VkPhysicalDeviceDriverProperties>();
+    auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &driver});
+    vkGetPhysicalDeviceProperties2(device, &properties);
+    return driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE &&
+           properties.properties.driverVersion >= VK_MAKE_API_VERSION(0, 26, 0, 0);
+}
+
 std::vector<DeviceInfo> listDevices(const Instance &instance)
 {
     uint32_t count = 0;

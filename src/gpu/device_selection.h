@@ -32,6 +32,9 @@ struct DeviceInfo {
     [[nodiscard]] bool has(Api api) const { return api == Api::Khr ? khrMicromaps : extMicromaps; }
 };
 
+// Lavapipe of Mesa 26 or newer.
+bool isLavapipe26(VkPhysicalDevice device);
+
 // `instance` must outlive what is made of them.
 std::vector<DeviceInfo> listDevices(const Instance &instance);
 

@@ -29,14 +29,14 @@ void describe(const VellumMicromap *micromap, size_t inputs, Result &result)
     json.beginObject().member("data", result.add(info.data, info.dataSize));
     json.member("triangles", result.add(info.triangles, info.triangleCount * sizeof *info.triangles));
     json.member("indices", result.add(info.indices, info.indexCount * sizeof *info.indices));
-    writeUsages(json, {info.usages, info.usageCount});
+    writeUsages(json, std::span(info.usages, info.usageCount));
     json.key("geometries").beginArray();
     for (size_t i = 0; i < inputs; ++i) {
         VellumGeometryInfo geometry{};
         geometry.structSize = sizeof geometry;
         vellumGetGeometryInfo(micromap, i, &geometry);
         json.beginObject().member("indices", result.add(geometry.indices, geometry.indexCount * sizeof(int32_t)));
-        writeUsages(json, {geometry.usages, geometry.usageCount});
+        writeUsages(json, std::span(geometry.usages, geometry.usageCount));
         json.end();
     }
     json.end().values("stateCounts", info.stateCounts).values("specialCounts", info.specialCounts);

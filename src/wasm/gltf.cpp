@@ -82,10 +82,7 @@ void inspect(const Document &document, Result &result)
     json.list("micromaps", micromaps, [&](const StoredMicromap &micromap) {
         counters.emplace_back(micromap.data);
         json.beginObject().member("triangles", micromap.triangles.size()).member("bytes", micromap.bytes());
-        json.list("usages", micromap.usage, [&](const MicromapUsage &usage) {
-            json.beginObject().member("count", usage.count).member("subdivisionLevel", usage.subdivisionLevel);
-            json.member("format", static_cast<uint32_t>(usage.format)).end();
-        });
+        writeUsages(json, std::span(micromap.usage));
         json.end();
     });
     json.key("primitives").beginArray();
@@ -179,7 +176,7 @@ void describe(const VellumGltf *gltf, Result &result)
         vellumGetGltfMicromapInfo(gltf, i, &micromap);
         json.beginObject().member("data", result.add(micromap.data, micromap.dataSize));
         json.member("triangles", result.add(micromap.triangles, micromap.triangleCount * sizeof *micromap.triangles));
-        writeUsages(json, {micromap.usages, micromap.usageCount});
+        writeUsages(json, std::span(micromap.usages, micromap.usageCount));
         json.end();
     }
     json.end().key("primitives").beginArray();
@@ -191,7 +188,7 @@ void describe(const VellumGltf *gltf, Result &result)
         writePlace(json, {primitive.mesh, primitive.primitive}, primitive.name);
         json.member("micromap", primitive.micromap).member("baseTriangle", primitive.baseTriangle);
         json.member("indices", result.add(primitive.indices, primitive.indexCount * sizeof *primitive.indices));
-        writeUsages(json, {primitive.usages, primitive.usageCount});
+        writeUsages(json, std::span(primitive.usages, primitive.usageCount));
         json.end();
     }
     result.text = json.end().end().text();

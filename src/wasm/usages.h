@@ -11,11 +11,13 @@
 namespace vellum::wasm
 {
 
-inline void writeUsages(JsonWriter &json, std::span<const VellumMicromapUsage> usages)
+// Of VellumMicromapUsage or MicromapUsage.
+template <typename Usage>
+void writeUsages(JsonWriter &json, std::span<const Usage> usages)
 {
-    json.list("usages", usages, [&](const VellumMicromapUsage &usage) {
+    json.list("usages", usages, [&](const Usage &usage) {
         json.beginObject().member("count", usage.count).member("subdivisionLevel", usage.subdivisionLevel);
-        json.member("format", usage.format).end();
+        json.member("format", static_cast<uint32_t>(usage.format)).end();
     });
 }
 

@@ -4,8 +4,8 @@
 
 Commands are the lines that begin with `$ ` in blocks marked `console`, which may be indented; the lines up to the next one
 are their output, stdout and stderr together. In output, `...` stands for any text within a line, and alone in a line for any
-lines. Numbers of candidates may differ by half: drivers visit them in different orders. The commands of a page run in its order, in one empty folder in which `examples` is the checkout's, and
-`build/release` is BUILD; each must succeed. Each has a shell of its own, in which earlier commands that begin with `export`
+lines. Numbers of candidates may differ by half: drivers visit them in different orders. The commands of a page run in its
+order, in one empty folder in which `examples` is the checkout's, and `build/release` is BUILD; each must succeed. Each has a shell of its own, in which earlier commands that begin with `export`
 hold. A picture after a comment `<!-- commands write PATH -->` must equal that file of the folder. With --update, output and
 pictures that differ are replaced; lines with `...` are kept where they match.
 

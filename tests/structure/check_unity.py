@@ -73,13 +73,15 @@ def clashes(first, second):
 
 def check(root):
     found, count = set(), 0
+    texts = {path: path.read_text(encoding="utf-8") for path in sorted((root / "src").rglob("*")) if path.suffix in (".h", ".cpp")}
     folders = collections.defaultdict(list)
-    for path in sorted((root / "src").rglob("*.cpp")):
-        folders[path.parent].append(path)
+    for path in texts:
+        if path.suffix == ".cpp":
+            folders[path.parent].append(path)
     for folder, paths in folders.items():
         defined = collections.defaultdict(list)
         for path in paths:
-            for name, detail in set(definitions(path.read_text(encoding="utf-8"))):
+            for name, detail in set(definitions(texts[path])):
                 count += 1
                 for other, its in defined[name]:
                     systems = SYSTEM.search(path.name) and SYSTEM.sub("", other.name) == SYSTEM.sub("", path.name)
@@ -87,11 +89,10 @@ def check(root):
                         found.add(f"{folder.relative_to(root)}: {name[2:]} is defined in {other.name} and in {path.name}")
                 defined[name].append((path, detail))
     having = collections.defaultdict(list)
-    for path in sorted((root / "src").rglob("*")):
-        if path.suffix in (".h", ".cpp"):
-            for name in set(types(path.read_text(encoding="utf-8"))):
-                count += 1
-                having[name].append(path)
+    for path, text in texts.items():
+        for name in set(types(text)):
+            count += 1
+            having[name].append(path)
     for name, paths in having.items():
         if len({SYSTEM.sub("", str(path)) for path in paths}) > 1:
             found.add(f"{name} is defined in {' and in '.join(str(path.relative_to(root)) for path in paths)}")

@@ -77,6 +77,9 @@ std::optional<Recommendation> recommend(const std::vector<SweepRow> &rows, const
 // it gets one.
 std::string exclusionsText(const Sweep &sweep);
 
+// 65536 -> "64K"
+std::string shortBytes(double bytes);
+
 inline constexpr const char *kShaderCallsText =
     "Shader calls: of 1,000 hits that are spread evenly over the alpha-tested surface, those that run the alpha test. "
     "They are where the state is unknown and where there is no micromap; without micromaps it is all of them.";

@@ -43,12 +43,6 @@ std::vector<std::optional<uint32_t>> sweptLevels(uint32_t highest)
     return levels;
 }
 
-// 65536 -> 64K
-std::string budgetText(uint64_t bytes)
-{
-    return bytes >> 20 != 0 ? fmt::format("{}M", bytes >> 20) : fmt::format("{}K", bytes >> 10);
-}
-
 SweptFile sweepFile(const std::filesystem::path &path, const DocumentBakeOptions &options,
                     UnmatchedExclusions &exclusions)
 {
@@ -141,7 +135,7 @@ Sweep sweepFiles(const SweepOptions &options)
 std::string SweepRow::options() const
 {
     if (setting.budget)
-        return "--budget " + budgetText(*setting.budget);
+        return "--budget " + shortBytes(static_cast<double>(*setting.budget)); // a power of two
     std::string text = "--level " + (setting.level ? std::to_string(*setting.level) : "auto");
     return setting.format == Format::TwoState ? text + " --states 2" : text;
 }

@@ -31,17 +31,6 @@ std::vector<Series> seriesOf(const std::vector<SweepRow> &rows)
     return series;
 }
 
-// 65536 -> 64K
-std::string shortBytes(double bytes)
-{
-    for (const char *unit : {"", "K", "M"}) {
-        if (bytes < 1024)
-            return fmt::format("{:.0f}{}", bytes, unit);
-        bytes /= 1024;
-    }
-    return fmt::format("{:.0f}G", bytes);
-}
-
 // Bytes on a logarithmic scale to the right, the known share of the surface upwards.
 class Chart
 {
@@ -190,6 +179,16 @@ std::string htmlTableOf(const Sweep &sweep)
 }
 
 } // namespace
+
+std::string shortBytes(double bytes)
+{
+    for (const char *unit : {"", "K", "M"}) {
+        if (bytes < 1024)
+            return fmt::format("{:.0f}{}", bytes, unit);
+        bytes /= 1024;
+    }
+    return fmt::format("{:.0f}G", bytes);
+}
 
 std::string sweepChart(const Sweep &sweep)
 {

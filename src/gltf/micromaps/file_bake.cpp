@@ -127,13 +127,12 @@ FileBake bakeFile(const Document &document, const std::filesystem::path &output,
         result.outputBytes = rewritten.file.size() + rewritten.buffer.size();
         if (options.dryRun)
             return result;
-        if (options.sink) {
-            if (options.bake.cancelled && options.bake.cancelled())
-                throw BakeCancelled();
+        if (options.bake.cancelled && options.bake.cancelled()) // since the last triangle
+            throw BakeCancelled();
+        if (options.sink)
             options.sink(rewritten.file);
-        } else {
+        else
             result.files = writeFiles(document, output, rewritten, options.bake.cancelled);
-        }
         return result;
     });
 }

@@ -46,9 +46,6 @@ protected:
     void TearDown() override
     {
         failAllocations(0, Failing::Once);
-        if (!IsSkipped()) {
-            EXPECT_GT(failed_, 0u) << "the layer allocates nothing";
-        }
         static_cast<void>(gpu_->takeUnexpectedMessages());
         gpu_.reset();
     }
@@ -63,10 +60,11 @@ protected:
     void failEach(const std::function<bool(const WhileItFails &)> &act)
     {
         // First, while what is made once and kept is not there yet.
-        uint64_t made = 0;
+        uint64_t made = 0, most = 0;
         for (uint64_t n = 1;; n += 1 + n / 32) {
             SCOPED_TRACE(testing::Message() << "allocation " << n);
             const bool works = failAt(act, n, made);
+            most = std::max(most, made);
             if (made < n) {
                 EXPECT_TRUE(works);
             }
@@ -75,6 +73,7 @@ protected:
             if (made < n)
                 break;
         }
+        EXPECT_GT(most, 0u) << "the layer allocates nothing";
         // From here on, a failed call leaves nothing behind.
         const long before = alive();
         const uint64_t all = made;
@@ -95,7 +94,6 @@ protected:
             failAllocations(n, GetParam());
             call();
             made = failAllocations(0, GetParam());
-            failed_ += n != 0 && made >= n ? 1 : 0;
         });
     }
     // An object by its command, and what destroys it.
@@ -161,7 +159,6 @@ protected:
 
     std::unique_ptr<Gpu> gpu_;
     uint64_t allocations_ = 0; // of everything that was tried
-    uint64_t failed_ = 0;
 };
 
 #define INSTANTIATE(Suite)                                                                                             \
@@ -379,7 +376,11 @@ TEST_P(Allocations, RecordedCopies)
     const auto expected = seen(gpu(), top, Patchwork::rays());
     Structure copied(gpu(), VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
     copied.create(source.size());
-    failRecorded([&](VkCommandBuffer commands) { recordCopy(gpu(), commands, source.handle(), copied.handle()); });
+    const auto copy = [&](VkCommandBuffer commands) { recordCopy(gpu(), commands, source.handle(), copied.handle()); };
+    if (gpu().onLavapipe26())
+        gpu().submit(copy); // which is passed on as it is, and allocates nothing
+    else
+        failRecorded(copy);
     EXPECT_EQ(seenOf(gpu(), copied), seenOf(gpu(), source));
     Structure topCopy(gpu(), VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR);
     topCopy.create(top.size());

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "harness/harness.h"
 
+#include "gpu/arena.h"
 #include "gpu/device_selection.h"
 #include "gpu/instance.h"
-
-#include "gpu/arena.h"
 
 namespace vt
 {
@@ -97,17 +96,13 @@ bool includes(const std::string &list, const std::string &name)
     return (',' + list + ',').find(',' + name + ',') != std::string::npos;
 }
 
-bool isLavapipe26()
+// Before there is a device.
+bool testsRunOnLavapipe26()
 {
     static const bool is = [] {
-        const Instance instance(InstanceOptions{.apiVersion = VK_API_VERSION_1_3});
-        return std::ranges::any_of(listDevices(instance), [](const DeviceInfo &device) {
-            auto driver = vkInit<VkPhysicalDeviceDriverProperties>();
-            auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &driver});
-            vkGetPhysicalDeviceProperties2(device.handle, &properties);
-            return driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE &&
-                   properties.properties.driverVersion >= VK_MAKE_API_VERSION(0, 26, 0, 0);
-        });
+        const Instance instance(InstanceOptions{});
+        return std::ranges::any_of(listDevices(instance),
+                                   [](const DeviceInfo &device) { return vellum::gpu::isLavapipe26(device.handle); });
     }();
     return is;
 }
@@ -119,7 +114,7 @@ std::string quirksOf(const Options &options)
     if (const char *chosen = std::getenv("VELLUM_TEST_QUIRKS"))
         quirks += chosen;
     // That quirk is what lavapipe 26 does by itself, and knows the structures of lavapipe 25.
-    if (const size_t at = quirks.find("structures"); at != std::string::npos && isLavapipe26())
+    if (const size_t at = quirks.find("structures"); at != std::string::npos && testsRunOnLavapipe26())
         quirks.erase(at, std::strlen("structures"));
     // A driver with VK_KHR_opacity_micromap knows all that the spy reports.
     if (options.spy && !includes(quirks, "khr"))
