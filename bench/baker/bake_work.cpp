@@ -8,7 +8,7 @@ namespace vellum::bench
 {
 AlphaTexture BakeMesh::texture() const
 {
-    AlphaTexture texture = AlphaTexture::fromUnorm8(width, height, alpha.data(), 1);
+    AlphaTexture texture = AlphaTexture::fromUnorm8(width, height, alpha.data(), 1, width);
     texture.wrapU = wrapU;
     texture.wrapV = wrapV;
     return texture;

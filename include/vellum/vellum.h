@@ -300,9 +300,9 @@ typedef struct VellumMicromap VellumMicromap;
 //
 // Returns VELLUM_SUCCESS, VELLUM_CANCELLED, or any error except VELLUM_ERROR_FILE.
 //
-// Peak memory: the result, an eighth of it (256 KiB to 64 MiB), a few MiB per thread, 4 bytes and 2 bits per texel of
-// the textures (8 bytes and 2 bits with GREATER or LESS_OR_EQUAL), and about 200 bytes per triangle (350 with a
-// budget).
+// Peak memory: the result, an eighth of it (256 KiB to 64 MiB), a few MiB per thread, 2 bits per texel that triangles
+// cover, and about 200 bytes per triangle (350 with a budget). Textures of other formats than R8_UNORM are converted: 4
+// bytes per texel (8 with GREATER or LESS_OR_EQUAL).
 VELLUM_API VellumResult vellumBake(const VellumBakeInput *inputs, size_t inputCount, const VellumBakeOptions *options,
                                    VellumMicromap **micromap);
 

@@ -20,6 +20,8 @@ namespace
 
 // A sub-triangle with a box of more cells than this is divided before its cells are listed.
 constexpr double kMostCells = 65536;
+// Of a micro-triangle with a box of more cells than this none are listed: one that decides is soon found.
+constexpr double kMostLeafCells = 2048;
 
 void fill(uint8_t *packed, uint32_t first, uint32_t count, State state)
 {
@@ -73,7 +75,7 @@ public:
         : texture_(classifier.texture_), cutoff_(classifier.options_.cutoff), map_(classifier.map_),
           cancelled_(classifier.options_.cancelled), uvs_(uvs), level_(level), packed_(packed), scratch_(scratch),
           place_(texture_, map_, classifier.options_, uvs, level, classifier.uvTerms_),
-          piece_(place_, texture_.filter, classifier.thresholds_)
+          piece_(place_, texture_.filter, classifier.thresholds_), leafCells_(place_.boxCells({0, 0, 1}))
     {
     }
 
@@ -160,6 +162,7 @@ private:
     ClassifierScratch &scratch_;
     Placement place_;
     PieceTest piece_;
+    double leafCells_; // in the box of a micro-triangle
     std::optional<ExactTriangle> exact_;
     int side_ = -1; // of the part before on the curve: 1 opaque, 0 transparent, -1 unknown
 };
@@ -174,12 +177,8 @@ const ExactTriangle &Classifier::Walk::exact()
 // Lists the mixed cells of a sub-triangle, or divides it until it has few enough.
 void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
 {
-    if (!map_.anyMixed()) {
-        uniform(node, depth);
-        return;
-    }
     poll();
-    if (place_.boxCells(node.sub) <= kMostCells) {
+    if (place_.boxCells(node.sub) <= kMostCells && leafCells_ <= kMostLeafCells) {
         Frame frame;
         list(node, frame);
         const size_t count = scratch_.cells.size();
@@ -192,6 +191,10 @@ void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
             leaf(node, 0, count);
         else
             descend(frame, node, depth, 0, count);
+        return;
+    }
+    if (place_.spansTexture(map_, node.sub) && !map_.anyMixedIn(0, map_.axisX().cells())) {
+        uniform(node, depth);
         return;
     }
     if (depth < level_) {
@@ -495,8 +498,19 @@ State Classifier::Walk::guess(const SubTriangle &sub) const
     const bool nearest = texture_.filter == Filter::Nearest;
     const Float4 zero(0.0f);
     const Float4 one(1.0f);
-    const float *window =
-        columns < kMostColumns && rows < kMostColumns ? map_.window(x0, y0, x0 + columns, y0 + rows) : nullptr;
+    // The texels of the cells around, row by row: those of the texture, or a copy. Null where they are too many.
+    constexpr int64_t kCopied = CellMap::kMostCopied;
+    std::array<float, kCopied * kCopied> copy;
+    const float *window = nullptr;
+    size_t pitch = kCopied;
+    if (texture_.codes.first == nullptr && columns < kMostColumns && rows < kMostColumns &&
+        map_.isInside(x0, y0, x0 + columns, y0 + rows)) {
+        window = texture_.alpha.data() + texture_.place(static_cast<size_t>(x0), static_cast<size_t>(y0));
+        pitch = texture_.rowStride();
+    } else if (columns + 2 <= kCopied && rows + 2 <= kCopied) {
+        map_.copy(x0, y0, static_cast<size_t>(columns + 2), static_cast<size_t>(rows + 2), copy.data(), pitch);
+        window = copy.data();
+    }
     unsigned opaque = 0;
     for (size_t n = 0; n < kSampleI.size(); n += 4) {
         const Float4 i = Float4(kSampleI[n], kSampleI[n + 1], kSampleI[n + 2], kSampleI[n + 3]) * Float4(s);
@@ -518,11 +532,11 @@ State Classifier::Walk::guess(const SubTriangle &sub) const
             xs[k] -= static_cast<float>(column);
             ys[k] -= static_cast<float>(row);
             if (window != nullptr) {
-                const float *texel = window + row * map_.pitch() + column;
+                const float *texel = window + static_cast<size_t>(row) * pitch + static_cast<size_t>(column);
                 texels[0][k] = texel[0];
                 texels[1][k] = texel[1];
-                texels[2][k] = texel[map_.pitch()];
-                texels[3][k] = texel[map_.pitch() + 1];
+                texels[2][k] = texel[pitch];
+                texels[3][k] = texel[pitch + 1];
             } else {
                 const Cell cell = map_.cell(x0 + column, y0 + row);
                 texels[0][k] = cell.f00;

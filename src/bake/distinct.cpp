@@ -22,7 +22,7 @@ void check(const AlphaTexture &texture)
     constexpr uint32_t kMostTexels = 1u << 24;
     if (texture.width > kMostTexels || texture.height > kMostTexels)
         throw BakeError("the alpha texture has more than 2^24 texels along a side");
-    if (texture.alpha.size() != size_t{texture.width} * texture.height)
+    if (!texture.isComplete())
         throw BakeError("the alpha texture has " + std::to_string(texture.alpha.size()) + " values for " +
                         std::to_string(texture.width) + " x " + std::to_string(texture.height) + " texels");
 }

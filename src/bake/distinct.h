@@ -44,11 +44,8 @@ public:
         if (options.test == AlphaTest::LessOrEqual || options.test == AlphaTest::Greater) {
             options_.cutoff = -cutoff_;
             negated_.assign(textures.begin(), textures.end());
-            for (AlphaTexture &texture : negated_) {
-                texture.border = -texture.border;
-                for (float &alpha : texture.alpha)
-                    alpha = -alpha;
-            }
+            for (AlphaTexture &texture : negated_)
+                texture.negate();
             textures = negated_;
         }
         for (const AlphaTexture &texture : textures)

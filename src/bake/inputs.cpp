@@ -44,15 +44,7 @@ template <typename Use>
 void withRowsOf(AlphaFormat format, float scale, Use &&use)
 {
     switch (format) {
-    case AlphaFormat::Unorm8: {
-        std::array<float, 256> values;
-        for (size_t i = 0; i < values.size(); ++i)
-            values[i] = static_cast<float>(i) / 255.0f * scale;
-        use([&](const std::byte *from, size_t stride, std::span<float> to) {
-            readRow<uint8_t>(from, stride, to, [&](uint8_t value) { return values[value]; });
-        });
-        break;
-    }
+    case AlphaFormat::Unorm8: break; // used as they are
     case AlphaFormat::Unorm16:
         use([scale](const std::byte *from, size_t stride, std::span<float> to) {
             readRow<uint16_t>(from, stride, to,
@@ -158,6 +150,10 @@ AlphaTexture readAlpha(const AlphaPixels &pixels)
         !within(total - pixels.offset - size - inRow * pixels.pixelStride, inColumn, rowStride))
         throw BakeError("the alpha values of " + std::to_string(pixels.width) + " x " + std::to_string(pixels.height) +
                         " texels do not lie within " + std::to_string(total) + " bytes");
+    if (pixels.format == AlphaFormat::Unorm8)
+        return AlphaTexture::fromUnorm8(pixels.width, pixels.height,
+                                        reinterpret_cast<const uint8_t *>(pixels.bytes.data()) + pixels.offset,
+                                        pixels.pixelStride, rowStride, pixels.scale);
     withRowsOf(pixels.format, pixels.scale, [&](const auto &read) {
         texture.appendRows([&](size_t y, float *to) {
             read(pixels.bytes.data() + pixels.offset + y * rowStride, pixels.pixelStride, std::span(to, pixels.width));

@@ -30,7 +30,8 @@ struct AlphaPixels {
     float scale = 1.0f;
 };
 
-// The texture with default address modes and filter. Throws BakeError where pixels lie outside `bytes`.
+// The texture with default address modes and filter. Values of 8 bits are not copied: `bytes` must outlive the texture
+// and its copies. Throws BakeError where pixels lie outside `bytes`.
 AlphaTexture readAlpha(const AlphaPixels &pixels);
 
 enum class UvFormat : uint8_t { Float32, Float16, Unorm16 };

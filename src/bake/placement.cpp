@@ -90,4 +90,11 @@ double Placement::boxCells(const SubTriangle &sub) const
     return ((high.x - low.x) * steps + 2 * marginX + 2) * ((high.y - low.y) * steps + 2 * marginY + 2);
 }
 
+bool Placement::spansTexture(const CellMap &map, const SubTriangle &sub) const
+{
+    const double steps = std::abs(static_cast<double>(sub.size));
+    return (high.x - low.x) * steps >= static_cast<double>(map.axisX().cells()) &&
+           (high.y - low.y) * steps >= static_cast<double>(map.axisY().cells());
+}
+
 } // namespace vellum

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "core/hash.h"
 #include "gltf/data/image.h"
 
 namespace vellum
@@ -18,7 +19,52 @@ constexpr uint64_t kTexelsPerByte = 8 * kMostTexelsPerByte;
 
 } // namespace
 
-ImageDecoder::ImageDecoder(const Document &document) : document_(document), allowance_(kAlwaysAllowed)
+std::shared_ptr<const Image> DecodedImages::get(std::span<const uint8_t> encoded, const std::function<Image()> &decode)
+{
+    const uint64_t key = hashBytes(encoded.data(), encoded.size());
+    std::shared_ptr<Entry> entry;
+    {
+        const std::lock_guard lock(mutex_);
+        std::shared_ptr<Entry> &kept = entries_[key];
+        if (!kept)
+            kept = std::make_shared<Entry>();
+        entry = kept;
+        entry->used = ++uses_;
+    }
+    const std::lock_guard lock(entry->mutex);
+    if (entry->image && std::equal(encoded.begin(), encoded.end(), entry->encoded.begin(), entry->encoded.end()))
+        return entry->image;
+    auto image = std::make_shared<const Image>(decode());
+    if (entry->image)
+        return image; // another one with the same hash
+    entry->encoded.assign(encoded.begin(), encoded.end());
+    entry->image = image;
+    keep(key, entry, encoded.size() + image->rgba.size() + 2 * image->alpha16.size());
+    return image;
+}
+
+// Counts an entry, and drops those that were not used for the longest time.
+void DecodedImages::keep(uint64_t key, const std::shared_ptr<Entry> &entry, size_t bytes)
+{
+    const std::lock_guard lock(mutex_);
+    const auto found = entries_.find(key);
+    if (found == entries_.end() || found->second != entry)
+        return;
+    entry->bytes = bytes;
+    bytes_ += bytes;
+    while (bytes_ > mostBytes_) {
+        // Those that are being decoded have no bytes yet.
+        auto oldest = entries_.end();
+        for (auto at = entries_.begin(); at != entries_.end(); ++at)
+            if (at->second->bytes != 0 && (oldest == entries_.end() || at->second->used < oldest->second->used))
+                oldest = at;
+        bytes_ -= oldest->second->bytes;
+        entries_.erase(oldest);
+    }
+}
+
+ImageDecoder::ImageDecoder(const Document &document, DecodedImages *shared)
+    : document_(document), shared_(shared), allowance_(kAlwaysAllowed)
 {
     const gltf_json::Model &model = document.model();
     for (const gltf_json::Buffer &buffer : model.buffers)
@@ -34,11 +80,17 @@ void ImageDecoder::account(uint64_t texels)
     allowance_ -= texels;
 }
 
-Image ImageDecoder::decode(int image, const EncodedImage &encoded)
+// Counts the bytes of a file of its own.
+void ImageDecoder::allow(int image, const EncodedImage &encoded)
 {
     const std::string &uri = document_.model().images[static_cast<size_t>(image)].uri;
     if (!uri.empty() && files_.insert(uri).second)
         allowance_ += kTexelsPerByte * encoded.bytes().size();
+}
+
+Image ImageDecoder::decode(int image, const EncodedImage &encoded)
+{
+    allow(image, encoded);
     try {
         Image decoded = decodeImage(document_, image, encoded);
         account(uint64_t{decoded.width} * decoded.height);
@@ -48,6 +100,22 @@ Image ImageDecoder::decode(int image, const EncodedImage &encoded)
         account(std::min(kMostTexelsPerByte * encoded.bytes().size(), kMostOfOne));
         throw;
     }
+}
+
+std::shared_ptr<const Image> ImageDecoder::decodeShared(int image, const EncodedImage &encoded)
+{
+    if (shared_ == nullptr)
+        return std::make_shared<const Image>(decode(image, encoded));
+    bool decoded = false;
+    auto found = shared_->get(encoded.bytes(), [&] {
+        decoded = true;
+        return decode(image, encoded);
+    });
+    if (!decoded) { // a file that fails for its texels fails with shared images as well
+        allow(image, encoded);
+        account(uint64_t{found->width} * found->height);
+    }
+    return found;
 }
 
 TextureKey textureKeyOf(const Material &material)
@@ -71,11 +139,11 @@ std::shared_ptr<const AlphaTexture> AlphaTextures::of(const Material &material)
     key_.reset();
     texture_.reset();
     if (material.image >= 0 && decoded_ != material.image) {
-        image_ = {}; // before the next one is decoded
+        image_.reset(); // before the next one is decoded
         decoded_ = material.image;
         failure_ = nullptr;
         try {
-            image_ = images_.decode(material.image, encoded(material.image));
+            image_ = images_.decodeShared(material.image, encoded(material.image));
             encoded_.erase(material.image);
         } catch (...) {
             failure_ = std::current_exception();
@@ -83,8 +151,9 @@ std::shared_ptr<const AlphaTexture> AlphaTextures::of(const Material &material)
     }
     if (material.image >= 0 && failure_)
         std::rethrow_exception(failure_);
-    texture_ = std::make_shared<AlphaTexture>(alphaTexture(material, image_));
-    images_.account(texture_->alpha.size());
+    static const Image kNone;
+    texture_ = std::make_shared<AlphaTexture>(alphaTexture(material, material.image >= 0 ? *image_ : kNone, image_));
+    images_.account(uint64_t{texture_->width} * texture_->height);
     key_ = key;
     return texture_;
 }

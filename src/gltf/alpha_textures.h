@@ -4,32 +4,71 @@
 #pragma once
 
 #include <exception>
+#include <functional>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <tuple>
+#include <vector>
 
 #include "gltf/primitive.h"
 
 namespace vellum
 {
 
+// Decoded images that the files of one run share: those that were used last, of some bytes together. Safe to use from
+// several threads, one of which decodes an image while the others wait for it.
+class DecodedImages
+{
+public:
+    // By default as many as four of 4096 x 4096.
+    explicit DecodedImages(size_t mostBytes = size_t{256} << 20) : mostBytes_(mostBytes) {}
+
+    // The image of these bytes, by decode() where it is not kept. Throws what decode() throws; then another caller
+    // tries again.
+    std::shared_ptr<const Image> get(std::span<const uint8_t> encoded, const std::function<Image()> &decode);
+
+private:
+    struct Entry {
+        std::mutex mutex; // held while it is decoded
+        std::vector<uint8_t> encoded;
+        std::shared_ptr<const Image> image; // null until it is decoded
+        size_t bytes = 0;                   // of both
+        uint64_t used = 0;
+    };
+    void keep(uint64_t key, const std::shared_ptr<Entry> &entry, size_t bytes);
+
+    size_t mostBytes_;
+    std::mutex mutex_;
+    std::map<uint64_t, std::shared_ptr<Entry>> entries_; // by a hash of the encoded bytes
+    size_t bytes_ = 0;
+    uint64_t uses_ = 0;
+};
+
 // Decodes images. Not more texels than their bytes can be worth, and some in addition.
 class ImageDecoder
 {
 public:
-    explicit ImageDecoder(const Document &document);
+    // `shared` may be null.
+    explicit ImageDecoder(const Document &document, DecodedImages *shared = nullptr);
 
     // Throws what readImage() throws, and GltfError for too many texels.
     Image decode(int image) { return decode(image, readEncodedImage(document_, image)); }
     Image decode(int image, const EncodedImage &encoded);
+    // One of the shared images, if there are any.
+    std::shared_ptr<const Image> decodeShared(int image, const EncodedImage &encoded);
     // Counts other work on that many texels. Throws GltfError for too many.
     void account(uint64_t texels);
 
 private:
+    void allow(int image, const EncodedImage &encoded);
+
     const Document &document_;
+    DecodedImages *shared_;
     uint64_t allowance_;          // of texels
     std::set<std::string> files_; // files counted in it
 };
@@ -43,7 +82,11 @@ TextureKey textureKeyOf(const Material &material);
 class AlphaTextures
 {
 public:
-    explicit AlphaTextures(const Document &document) : document_(document), images_(document) {}
+    // `shared` may be null.
+    explicit AlphaTextures(const Document &document, DecodedImages *shared = nullptr)
+        : document_(document), images_(document, shared)
+    {
+    }
 
     // An image as it is stored, which is kept for of(): both see the same bytes, whatever happens to its file. Throws
     // what readEncodedImage() throws.
@@ -59,7 +102,7 @@ private:
     ImageDecoder images_;
     std::map<int, EncodedImage> encoded_;
     int decoded_ = -1; // the number of image_
-    Image image_;
+    std::shared_ptr<const Image> image_;
     std::exception_ptr failure_;    // why the last one failed
     std::optional<TextureKey> key_; // of texture_
     std::shared_ptr<const AlphaTexture> texture_;

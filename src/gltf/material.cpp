@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cstdio>
+#include <utility>
 
 #include "base/text.h"
 #include "core/portable_math.h"
@@ -180,13 +181,14 @@ Image readImage(const Document &document, int index)
     return decodeImage(document, index, readEncodedImage(document, index));
 }
 
-AlphaTexture alphaTexture(const Material &material, const Image &image)
+AlphaTexture alphaTexture(const Material &material, const Image &image, std::shared_ptr<const void> owner)
 {
-    const uint8_t full = 255;
+    static const uint8_t full = 255;
     const float factor = material.baseColor[3];
-    AlphaTexture texture = material.image < 0 ? AlphaTexture::fromUnorm8(1, 1, &full, 1, factor)
+    AlphaTexture texture = material.image < 0 ? AlphaTexture::fromUnorm8(1, 1, &full, 1, 1, factor)
                            : image.alpha16.empty()
-                               ? AlphaTexture::fromUnorm8(image.width, image.height, image.rgba.data() + 3, 4, factor)
+                               ? AlphaTexture::fromUnorm8(image.width, image.height, image.rgba.data() + 3, 4,
+                                                          size_t{4} * image.width, factor, std::move(owner))
                                : AlphaTexture::fromUnorm16(image.width, image.height, image.alpha16.data(), 1, factor);
     texture.wrapU = material.wrapU;
     texture.wrapV = material.wrapV;

@@ -97,13 +97,10 @@ Stored storedOf(int64_t first, int64_t last, int64_t size, Wrap wrap)
 
 Texels::Texels(const AlphaTexture &texture) : texture_(texture)
 {
-    if (texture.width == 0 || texture.height == 0 || texture.alpha.size() != size_t{texture.width} * texture.height)
+    if (!texture.isComplete())
         throw std::invalid_argument("a texture without a value for each texel");
-    for (const float value : texture.alpha)
-        if (std::isfinite(value))
-            largest_ = std::max(largest_, std::abs(double{value}));
     if (std::isfinite(texture.border))
-        largest_ = std::max(largest_, std::abs(double{texture.border}));
+        largest_ = std::abs(double{texture.border});
     addGroundFloor();
     while (floors_.back().width > 1 || floors_.back().height > 1)
         addFloor();
@@ -116,12 +113,13 @@ void Texels::addGroundFloor()
     const auto count = static_cast<size_t>(floor.width * floor.height);
     floor.low.assign(count, kFloatInfinity);
     floor.high.assign(count, -kFloatInfinity);
-    size_t texel = 0;
     for (int64_t y = 0; y < texture_.height; ++y) {
-        for (int64_t x = 0; x < texture_.width; ++x, ++texel) {
-            const float value = texture_.alpha[texel];
+        for (int64_t x = 0; x < texture_.width; ++x) {
+            const float value = stored(x, y);
             const auto square = static_cast<size_t>(y / kGroundSquare * floor.width + x / kGroundSquare);
             const bool finite = std::isfinite(value);
+            if (finite)
+                largest_ = std::max(largest_, std::abs(double{value}));
             floor.low[square] = finite ? std::min(floor.low[square], value) : -kFloatInfinity;
             floor.high[square] = finite ? std::max(floor.high[square], value) : kFloatInfinity;
         }
@@ -159,7 +157,7 @@ float Texels::at(int64_t x, int64_t y) const
     const int64_t row = position(y, texture_.height, texture_.wrapV);
     if (column < 0 || row < 0)
         return texture_.border;
-    return texture_.alpha[static_cast<size_t>(row * texture_.width + column)];
+    return stored(column, row);
 }
 
 Range Texels::stored(int64_t left, int64_t right, int64_t top, int64_t bottom) const
@@ -168,11 +166,9 @@ Range Texels::stored(int64_t left, int64_t right, int64_t top, int64_t bottom) c
     Range range = kNoTexels;
     const int64_t longest = std::max(right - left, bottom - top) + 1;
     if (longest <= kFew) {
-        for (int64_t y = top; y <= bottom; ++y) {
-            const float *row = texture_.alpha.data() + static_cast<size_t>(y * texture_.width);
+        for (int64_t y = top; y <= bottom; ++y)
             for (int64_t x = left; x <= right; ++x)
-                includeTexel(range, row[x]);
-        }
+                includeTexel(range, stored(x, y));
         return range;
     }
     size_t number = 0;

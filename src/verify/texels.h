@@ -53,6 +53,10 @@ private:
         std::vector<float> high;
     };
 
+    [[nodiscard]] float stored(int64_t column, int64_t row) const
+    {
+        return texture_.value(texture_.place(static_cast<size_t>(column), static_cast<size_t>(row)));
+    }
     [[nodiscard]] Range stored(int64_t left, int64_t right, int64_t top, int64_t bottom) const;
     void addGroundFloor();
     void addFloor();

@@ -90,7 +90,8 @@ Micromap bakeDirectly(double cutoff, BakeOptions options = optionsOf().bake)
     const Document document(folder / "test.glb");
     const Material material = readMaterial(document, 0);
     options.cutoff = cutoff;
-    return bake(alphaTexture(material, readImage(document, 0)),
+    const Image image = readImage(document, 0);
+    return bake(alphaTexture(material, image),
                 triangleUvs(readPrimitive(document, {0, 0}, Positions::Skip)), options)
         .micromap;
 }

@@ -27,7 +27,7 @@ vellum::BakeResult bakeSample(const Sample &sample, const vellum::BakeOptions &o
 
 vellum::AlphaTexture sampleTexture(const Sample &sample)
 {
-    return vellum::AlphaTexture::fromUnorm8(Sample::kSize, Sample::kSize, sample.texels.data() + 3, 4);
+    return vellum::AlphaTexture::fromUnorm8(Sample::kSize, Sample::kSize, sample.texels.data() + 3, 4, 4 * Sample::kSize);
 }
 
 vellum::BakeOptions sampleOptions()
@@ -189,8 +189,8 @@ TEST(LibraryBake, TakesEveryOption)
              s.texture.border = 0.9f;
          },
          [](auto &, auto &t) {
-             for (float &alpha : t.alpha)
-                 alpha *= 0.6f;
+             for (float &value : t.codes.values)
+                 value *= 0.6f;
              t.wrapU = Wrap::Border;
              t.border = 0.9f * 0.6f;
          }},

@@ -6,6 +6,11 @@
 #include <cstring>
 #include <limits>
 
+#ifdef __linux__
+#include <sys/mman.h>
+#include <unistd.h>
+#endif
+
 #include "bake/inputs.h"
 #include "test_random.h"
 
@@ -20,6 +25,16 @@ std::vector<std::byte> bytesOf(const std::vector<T> &values)
     std::vector<std::byte> bytes(values.size() * sizeof(T));
     std::memcpy(bytes.data(), values.data(), bytes.size());
     return bytes;
+}
+
+// The stored values, row by row.
+std::vector<float> valuesOf(const AlphaTexture &texture)
+{
+    std::vector<float> values;
+    for (uint32_t y = 0; y < texture.height; ++y)
+        for (uint32_t x = 0; x < texture.width; ++x)
+            values.push_back(texture.value(texture.place(x, y)));
+    return values;
 }
 
 AlphaTexture noise(unsigned seed, uint32_t width, uint32_t height)
@@ -70,9 +85,9 @@ TEST(BakeInputs, AlphaOfAnyFormatAndStride)
 {
     const auto rgba = bytesOf<uint8_t>({9, 9, 9, 0, 9, 9, 9, 255, 1, 1, 9, 9, 9, 51, 9, 9, 9, 102});
     AlphaPixels pixels{2, 2, AlphaFormat::Unorm8, rgba, 3, 4, 10};
-    EXPECT_EQ(readAlpha(pixels).alpha, (std::vector<float>{0, 1, 0.2f, 0.4f}));
+    EXPECT_EQ(valuesOf(readAlpha(pixels)), (std::vector<float>{0, 1, 0.2f, 0.4f}));
     pixels.scale = 0.5f;
-    EXPECT_EQ(readAlpha(pixels).alpha, (std::vector<float>{0, 0.5f, 0.1f, 0.2f}));
+    EXPECT_EQ(valuesOf(readAlpha(pixels)), (std::vector<float>{0, 0.5f, 0.1f, 0.2f}));
     const auto shorts = bytesOf<uint16_t>({0, 65535, 13107, 0});
     EXPECT_EQ(readAlpha({4, 1, AlphaFormat::Unorm16, shorts, 0, 2}).alpha, (std::vector<float>{0, 1, 0.2f, 0}));
     const auto halves = bytesOf<uint16_t>({0x3c00, 0x3800});
@@ -80,6 +95,84 @@ TEST(BakeInputs, AlphaOfAnyFormatAndStride)
     const auto floats = bytesOf<float>({7, 0.25f, 7, 0.75f});
     EXPECT_EQ(readAlpha({2, 1, AlphaFormat::Float32, floats, 4, 8}).alpha, (std::vector<float>{0.25f, 0.75f}));
 }
+
+// Codes of 8 bits give the same result as their values in single precision, for any strides, wrap modes and tests.
+TEST(BakeInputs, CodesAreBakedAsTheirValues)
+{
+    test::TestRandom random(11);
+    uint64_t unknown = 0;
+    uint64_t known = 0;
+    for (int n = 0; n < 300; ++n) {
+        const uint32_t width = 1 + random() % 150;
+        const uint32_t height = 1 + random() % 150;
+        const size_t pixelStride = 1 + random() % 5;
+        const size_t rowStride = width * pixelStride + random() % 3;
+        std::vector<uint8_t> bytes(rowStride * height);
+        const unsigned patch = 1 + random() % 9;
+        for (size_t y = 0; y < height; ++y)
+            for (size_t x = 0; x < width; ++x)
+                bytes[y * rowStride + x * pixelStride] =
+                    static_cast<uint8_t>((x / patch + y / patch) % 2 * 200 + random() % (random() % 8 == 0 ? 256 : 56));
+        const float scales[] = {1, 0.7f, -1, 0};
+        AlphaTexture codes =
+            AlphaTexture::fromUnorm8(width, height, bytes.data(), pixelStride, rowStride, scales[random() % 16 / 5]);
+        codes.wrapU = static_cast<Wrap>(random() % 5);
+        codes.wrapV = static_cast<Wrap>(random() % 5);
+        codes.filter = random() % 3 == 0 ? Filter::Nearest : Filter::Bilinear;
+        codes.border = static_cast<float>(random() % 3) / 2;
+        AlphaTexture values = codes;
+        values.codes = {};
+        values.alpha = valuesOf(codes);
+        std::vector<TriangleUvs> triangles(2);
+        for (TriangleUvs &uvs : triangles)
+            for (TexCoord &corner : uvs)
+                corner = {static_cast<float>(random.uniform(-1, 2)), static_cast<float>(random.uniform(-1, 2))};
+        BakeOptions options = atLevel(random() % 6);
+        options.test = static_cast<AlphaTest>(random() % 4);
+        const BakeResult a = bake(codes, triangles, options);
+        const BakeResult b = bake(values, triangles, options);
+        ASSERT_EQ(a.micromap.data, b.micromap.data) << n;
+        ASSERT_EQ(a.micromap.indices, b.micromap.indices) << n;
+        known += a.statistics.states[0] + a.statistics.states[1];
+        unknown += a.statistics.states[2] + a.statistics.states[3];
+    }
+    EXPECT_GT(known, 10000u);
+    EXPECT_GT(unknown, 10000u);
+}
+
+#ifdef __linux__
+// Texels that no triangle comes near are not read: their memory is not even there.
+TEST(BakeInputs, ReadsNoTexelFarFromTriangles)
+{
+    constexpr uint32_t kSize = 8192;
+    constexpr size_t kBytes = size_t{kSize} * kSize;
+    auto *const bytes = static_cast<uint8_t *>(mmap(nullptr, kBytes, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
+    ASSERT_NE(bytes, MAP_FAILED);
+    // Texels (1024, 2048) to (1535, 2559), two tiles of 64 around those that are covered.
+    constexpr uint32_t kLeft = 1024;
+    constexpr uint32_t kTop = 2048;
+    constexpr uint32_t kSide = 512;
+    const auto page = static_cast<size_t>(sysconf(_SC_PAGESIZE));
+    for (size_t y = kTop; y < kTop + kSide; ++y) {
+        const size_t first = (y * kSize + kLeft) / page * page;
+        const size_t last = (y * kSize + kLeft + kSide + page - 1) / page * page;
+        ASSERT_EQ(mprotect(bytes + first, last - first, PROT_READ | PROT_WRITE), 0);
+        for (size_t x = kLeft; x < kLeft + kSide; ++x)
+            bytes[y * kSize + x] =
+                std::hypot(static_cast<double>(x) - 1280, static_cast<double>(y) - 2304) < 80 ? 255 : 0;
+    }
+    const AlphaTexture texture = AlphaTexture::fromUnorm8(kSize, kSize, bytes, 1, kSize);
+    const auto at = [](float x, float y) { return TexCoord{x / kSize, y / kSize}; };
+    const std::vector<TriangleUvs> triangles = {{{at(1160, 2184), at(1400, 2184), at(1160, 2424)}}};
+    BakeOptions options;
+    options.level = 6;
+    options.threads = 2;
+    const BakeResult result = bake(texture, triangles, options);
+    EXPECT_GT(result.statistics.states[0], 100u);
+    EXPECT_GT(result.statistics.states[1], 100u);
+    munmap(bytes, kBytes);
+}
+#endif
 
 TEST(BakeInputs, RejectsAlphaOutsideItsBytes)
 {

@@ -2,8 +2,11 @@
 // The bits of CellMap are what the texels of each cell say, one by one.
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 #include <limits>
+#include <thread>
+#include <vector>
 
 #include "bake/texture/cell_map.h"
 #include "test_random.h"
@@ -63,7 +66,6 @@ TEST(BakeCellMap, MatchesTheTexels)
                  {Thresholds{0.45, 0.45}, Thresholds{0.4, 0.6}, Thresholds{-1e300, 1e300}}) {
                 const CellMap map(texture, thresholds);
                 EXPECT_EQ(map.largest(), largest);
-                bool any = false;
                 const auto w = static_cast<int64_t>(width);
                 const auto h = static_cast<int64_t>(texture.height);
                 for (int64_t y = -2 * h - 3; y <= 2 * h + 3; ++y)
@@ -71,13 +73,48 @@ TEST(BakeCellMap, MatchesTheTexels)
                         const int side = sideOf(texture, thresholds, x, y);
                         ASSERT_EQ(map.side(x, y), side)
                             << width << " x " << h << ", wrap " << static_cast<int>(wrap) << ", cell " << x << " " << y;
-                        any = any || side < 0;
                         ++sides[side + 1];
                     }
-                EXPECT_EQ(map.anyMixed(), any);
             }
         }
     EXPECT_GT(sides[0], 10000u);
     EXPECT_GT(sides[1], 10000u);
     EXPECT_GT(sides[2], 10000u);
+}
+
+// Bits are made by tile, in any order, by several threads. No column of a band without mixed cells is called mixed.
+TEST(BakeCellMap, TilesAreMadeByAnyThread)
+{
+    test::TestRandom random(6);
+    for (int n = 0; n < 20; ++n) {
+        const uint32_t width = 150 + random() % 200;
+        const uint32_t height = 100 + random() % 200;
+        std::vector<uint8_t> bytes(size_t{width} * height);
+        for (size_t i = 0; i < bytes.size(); ++i) // opaque from column 56 to 136, noise elsewhere
+            bytes[i] = i % width >= 56 && i % width <= 136 ? 255 : static_cast<uint8_t>(random());
+        AlphaTexture texture = AlphaTexture::fromUnorm8(width, height, bytes.data(), 1, width);
+        texture.wrapU = static_cast<Wrap>(random() % 5);
+        texture.wrapV = static_cast<Wrap>(random() % 5);
+        texture.border = 1;
+        const Thresholds thresholds{0.5, 0.5};
+        const CellMap map(texture, thresholds);
+        std::atomic<size_t> wrong = 0;
+        std::vector<std::thread> threads;
+        for (int t = 0; t < 4; ++t)
+            threads.emplace_back([&, first = random() % height] {
+                for (int64_t i = 0; i < height; ++i)
+                    for (int64_t x = -3; x < width + 3; ++x) {
+                        const int64_t y = (first + i) % height;
+                        wrong += map.side(x, y) != sideOf(texture, thresholds, x, y) ? 1 : 0;
+                    }
+            });
+        for (std::thread &thread : threads)
+            thread.join();
+        EXPECT_EQ(wrong, 0u);
+        // Columns 66 to 120 are in one tile with any lead of the stored ones.
+        const CellMap fresh(texture, thresholds);
+        EXPECT_FALSE(fresh.anyMixedIn(66, 120));
+        EXPECT_TRUE(fresh.anyMixedIn(0, 120));
+        EXPECT_TRUE(fresh.anyMixedIn(-1000, 1000));
+    }
 }

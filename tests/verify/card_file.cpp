@@ -111,7 +111,8 @@ void CardFile::bake(const BakeOptions &options)
     const Document document(folder / "plain.glb");
     const Material leaf = readMaterial(document, 0);
     const std::vector<TriangleUvs> uvs = triangleUvs(readPrimitive(document, {0, 0}, Positions::Skip));
-    micromap = vellum::bake(alphaTexture(leaf, readImage(document, 0)), uvs, options).micromap;
+    const Image image = readImage(document, 0);
+    micromap = vellum::bake(alphaTexture(leaf, image), uvs, options).micromap;
     if (micromap.triangles.empty()) { // the extension wants one
         micromap.triangles = {{0, 0, Format::FourState}};
         micromap.data = {0};

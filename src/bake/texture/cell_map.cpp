@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bake/texture/cell_map.h"
 
-#include <algorithm>
-#include <bit>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "bake/numbers/float4.h"
-#include "core/bit_cast.h"
 
 namespace vellum
 {
@@ -25,101 +23,87 @@ float atLeast(double value)
     return double{rounded} >= value ? rounded : std::nextafter(rounded, std::numeric_limits<float>::infinity());
 }
 
-constexpr uint32_t kMagnitude = 0x7fffffff;
-constexpr uint32_t kInfinity = 0x7f800000;
+constexpr size_t kTile = 64;       // cells along a side
+constexpr size_t kRow = kTile + 1; // the texels at their corners
 
-// Facts about a texel, as bits of a byte.
-constexpr uint8_t kSurelyOpaque = 1;
-constexpr uint8_t kSurelyTransparent = 2;
+constexpr std::array<uint64_t, kTile> repeated(uint64_t word)
+{
+    std::array<uint64_t, kTile> words{};
+    words.fill(word);
+    return words;
+}
 
-struct Classes {
-    float opaqueFrom;
-    float transparentBelow;
-
-    [[nodiscard]] uint8_t operator()(float alpha) const
-    {
-        if ((bitCast<uint32_t>(alpha) & kMagnitude) >= kInfinity)
-            return 0;
-        return static_cast<uint8_t>((alpha >= opaqueFrom ? kSurelyOpaque : 0) |
-                                    (alpha < transparentBelow ? kSurelyTransparent : 0));
+// The codes from the first to the last whose value fulfils the condition: values rise or fall.
+template <typename Range, typename Condition>
+Range codesWhere(const std::array<float, 256> &values, Condition &&condition)
+{
+    Range range;
+    for (size_t code = 0; code < values.size(); ++code) {
+        if (!condition(values[code]))
+            continue;
+        if (!range.any)
+            range.first = static_cast<uint8_t>(code);
+        range.any = true;
+        range.count = static_cast<uint8_t>(code - range.first);
     }
-};
+    return range;
+}
 
-// The two classes of a padded row of texels, a bit each; then those of pairs of neighbours, that is of cells.
-struct Bits {
-    std::vector<uint64_t> opaque;
-    std::vector<uint64_t> transparent;
-
-    void set(size_t at, uint8_t classes)
-    {
-        const uint64_t bit = uint64_t{1} << (at % 64);
-        uint64_t &o = opaque[at / 64];
-        uint64_t &t = transparent[at / 64];
-        o = (classes & kSurelyOpaque) != 0 ? o | bit : o & ~bit;
-        t = (classes & kSurelyTransparent) != 0 ? t | bit : t & ~bit;
+// Bit k: codes[k] is within the range; for 64 of them.
+template <typename Range>
+uint64_t within(const uint8_t *codes, const Range &range)
+{
+    if (!range.any)
+        return 0;
+    std::array<uint8_t, kTile> in;
+    for (size_t k = 0; k < kTile; ++k)
+        in[k] = static_cast<uint8_t>(codes[k] - range.first) <= range.count ? 1 : 0;
+    uint64_t bits = 0;
+    for (size_t k = 0; k < kTile; k += 8) {
+        uint64_t eight;
+        std::memcpy(&eight, &in[k], sizeof eight);
+        // Gathers the lowest bits of eight bytes, the first byte's at bit 56.
+        bits |= (eight * 0x0102040810204080 >> 56) << k;
     }
-
-    // Sets the bits of a row of texels from bit 0 on. Returns the largest magnitude of those that are finite.
-    float read(const float *alpha, size_t width, const Classes &classify)
-    {
-        const Float4 from(classify.opaqueFrom);
-        const Float4 to(classify.transparentBelow);
-        Float4 low(0.0f);
-        Float4 high(0.0f);
-        size_t i = 0;
-        // This runs for every texel of a texture.
-        for (size_t word = 0; i + 64 <= width; ++word, i += 64) {
-            uint64_t o = 0;
-            uint64_t t = 0;
-            for (size_t part = 0; part < 64; part += 4) {
-                const Float4 v = Float4::load(alpha + i + part);
-                o |= uint64_t{atLeast(v, from)} << part;
-                t |= uint64_t{below(v, to)} << part;
-                low = min(v, low); // and not the other way round: a NaN is passed over
-                high = max(v, high);
-            }
-            opaque[word] = o;
-            transparent[word] = t;
-        }
-        float largest = std::max(high.most(), -low.least());
-        if (largest > std::numeric_limits<float>::max()) {
-            // Infinities are classified like numbers above, which they must not be.
-            largest = 0;
-            i = 0;
-        }
-        for (; i < width; ++i) {
-            set(i, classify(alpha[i]));
-            if (std::isfinite(alpha[i]))
-                largest = std::max(largest, std::abs(alpha[i]));
-        }
-        return largest;
-    }
-
-    // Moves what is there by some bits, fewer than 64.
-    void moveUp(size_t count)
-    {
-        if (count == 0)
-            return;
-        for (std::vector<uint64_t> *bits : {&opaque, &transparent})
-            for (size_t word = bits->size(); word-- > 0;)
-                (*bits)[word] = (*bits)[word] << count | (word > 0 ? (*bits)[word - 1] >> (64 - count) : 0);
-    }
-
-    void toCells()
-    {
-        for (std::vector<uint64_t> *bits : {&opaque, &transparent})
-            for (size_t word = 0; word < bits->size(); ++word) {
-                const uint64_t next = word + 1 < bits->size() ? (*bits)[word + 1] : 0;
-                (*bits)[word] &= (*bits)[word] >> 1 | next << 63;
-            }
-    }
-};
+    return bits;
+}
 
 } // namespace
 
+const CellMap::Tile CellMap::kOpaque = {repeated(0), repeated(~uint64_t{0}), 0};
+const CellMap::Tile CellMap::kTransparent = {repeated(0), repeated(0), 0};
+
+// The classes of 65 neighbouring texels of a padded row: bit k for texel k, and those of the last one.
+struct CellMap::RowBits {
+    uint64_t opaque = 0;
+    uint64_t transparent = 0;
+    bool lastOpaque = false;
+    bool lastTransparent = false;
+
+    void set(size_t k, bool isOpaque, bool isTransparent)
+    {
+        const auto put = [&](uint64_t &bits, bool &last, bool value) {
+            if (k == kTile)
+                last = value;
+            else
+                bits = (bits & ~(uint64_t{1} << k)) | uint64_t{value} << k;
+        };
+        put(opaque, lastOpaque, isOpaque);
+        put(transparent, lastTransparent, isTransparent);
+    }
+    // Of pairs of neighbours, that is of cells.
+    [[nodiscard]] uint64_t opaquePairs() const { return opaque & (opaque >> 1 | uint64_t{lastOpaque} << 63); }
+    [[nodiscard]] uint64_t transparentPairs() const
+    {
+        return transparent & (transparent >> 1 | uint64_t{lastTransparent} << 63);
+    }
+};
+
 CellMap::CellMap(const AlphaTexture &texture, const Thresholds &thresholds)
     : texture_(texture), axisX_(texture.width, texture.wrapU), axisY_(texture.height, texture.wrapV),
-      words_(static_cast<size_t>(axisX_.cells()) / 64 + 1)
+      opaqueFrom_(atLeast(thresholds.opaque)), transparentBelow_(atLeast(thresholds.transparent)),
+      tileColumns_((static_cast<size_t>(axisX_.cells()) + kTile - 1) / kTile),
+      tileRows_((static_cast<size_t>(axisY_.cells()) + kTile - 1) / kTile), tiles_(tileColumns_ * tileRows_)
 {
     const auto paddedTexels = [](const Axis &axis) {
         std::vector<int32_t> texels(static_cast<size_t>(axis.cells()) + 1);
@@ -129,60 +113,132 @@ CellMap::CellMap(const AlphaTexture &texture, const Thresholds &thresholds)
     };
     columns_ = paddedTexels(axisX_);
     rows_ = paddedTexels(axisY_);
-    fill(thresholds);
+    const auto include = [this](float value) {
+        if (std::isfinite(value))
+            largest_ = std::max(largest_, std::abs(double{value}));
+    };
+    include(texture.border);
+    if (texture.codes.first == nullptr) {
+        for (const float value : texture.alpha)
+            include(value);
+        return;
+    }
+    for (const float value : texture.codes.values)
+        include(value);
+    opaqueCodes_ = codesWhere<CodeRange>(texture.codes.values, [this](float value) { return isOpaque(value); });
+    transparentCodes_ =
+        codesWhere<CodeRange>(texture.codes.values, [this](float value) { return isTransparent(value); });
 }
 
-void CellMap::fill(const Thresholds &thresholds)
+CellMap::~CellMap()
 {
-    const Classes classify{atLeast(thresholds.opaque), atLeast(thresholds.transparent)};
-    const auto stored = static_cast<size_t>(axisY_.cells());
-    mixed_.resize((stored + 1) * words_);
-    opaque_.resize(stored * words_);
-
-    // Words of 64 padded texels, and one for the last cell's right neighbour. What lies behind the row counts as opaque
-    // and transparent, which no cell of the row sees and which leaves the rest of a word unmixed.
-    Bits rows[2] = {{std::vector<uint64_t>(words_), std::vector<uint64_t>(words_)},
-                    {std::vector<uint64_t>(words_), std::vector<uint64_t>(words_)}};
-    const size_t width = texture_.width;
-    const auto lead = static_cast<size_t>(axisX_.lead());
-    float largest = std::isfinite(texture_.border) ? std::abs(texture_.border) : 0;
-    uint64_t any = 0;
-    for (size_t padded = 0; padded <= stored; ++padded) {
-        Bits &now = rows[padded % 2];
-        const int64_t row = rows_[padded];
-        if (row >= 0) {
-            const float *alpha = texture_.alpha.data() + static_cast<size_t>(row) * width;
-            largest = std::max(largest, now.read(alpha, width, classify));
-            now.moveUp(lead);
-        }
-        for (size_t i = 0; i < words_ * 64; ++i) {
-            if (row >= 0 && i == lead)
-                i += width;
-            if (i < columns_.size())
-                now.set(i, classify(texel(columns_[i], row)));
-            else if (i < words_ * 64)
-                now.set(i, kSurelyOpaque | kSurelyTransparent);
-        }
-        now.toCells();
-        if (padded == 0)
-            continue;
-        const Bits &before = rows[(padded - 1) % 2];
-        uint64_t *mixed = &mixed_[(padded - 1) * words_];
-        uint64_t *opaque = &opaque_[(padded - 1) * words_];
-        for (size_t word = 0; word < words_; ++word) {
-            opaque[word] = now.opaque[word] & before.opaque[word];
-            mixed[word] = ~(opaque[word] | (now.transparent[word] & before.transparent[word]));
-        }
-        // The cell behind the last one has but one texel that belongs to the row.
-        const size_t last = static_cast<size_t>(axisX_.cells());
-        mixed[last / 64] &= (uint64_t{1} << (last % 64)) - 1;
-        for (size_t word = 0; word < words_; ++word) {
-            mixed_[stored * words_ + word] |= mixed[word];
-            any |= mixed[word];
-        }
+    for (const std::atomic<const Tile *> &tile : tiles_) {
+        const Tile *made = tile.load(std::memory_order_relaxed);
+        if (made != &kOpaque && made != &kTransparent)
+            delete made;
     }
-    anyMixed_ = any != 0;
-    largest_ = double{largest};
+}
+
+CellMap::RowBits CellMap::readRow(size_t firstColumn, int64_t row) const
+{
+    const size_t count = std::min(kRow, columns_.size() - firstColumn);
+    const int32_t *columns = &columns_[firstColumn];
+    const size_t first = texture_.place(0, static_cast<size_t>(std::max<int64_t>(row, 0)));
+    const size_t stride = texture_.pixelStride();
+    RowBits bits;
+    if (row >= 0 && texture_.codes.first != nullptr) {
+        std::array<uint8_t, kRow> gathered{};
+        const uint8_t *codes = gathered.data();
+        const uint8_t *from = texture_.codes.first + first;
+        // Most tiles are whole ones, of neighbouring columns.
+        if (count == kRow && columns[0] >= 0 && columns[kTile] - columns[0] == static_cast<int32_t>(kTile)) {
+            from += static_cast<size_t>(columns[0]) * stride;
+            if (stride == 1)
+                codes = from;
+            else if (stride == 4)
+                for (size_t k = 0; k < kRow; ++k)
+                    gathered[k] = from[k * 4];
+            else
+                for (size_t k = 0; k < kRow; ++k)
+                    gathered[k] = from[k * stride];
+        } else {
+            for (size_t k = 0; k < count; ++k)
+                gathered[k] = from[static_cast<size_t>(std::max(columns[k], 0)) * stride];
+        }
+        bits.opaque = within(codes, opaqueCodes_);
+        bits.transparent = within(codes, transparentCodes_);
+        const float last = texture_.codes.values[codes[kTile]];
+        bits.set(kTile, isOpaque(last), isTransparent(last));
+    } else if (row >= 0) {
+        std::array<float, kRow> values{};
+        for (size_t k = 0; k < count; ++k)
+            values[k] = texture_.alpha[first + static_cast<size_t>(std::max(columns[k], 0))];
+        // Infinities are neither.
+        const Float4 most(std::numeric_limits<float>::max());
+        const Float4 least(-std::numeric_limits<float>::max());
+        for (size_t k = 0; k < kTile; k += 4) {
+            const Float4 v = Float4::load(&values[k]);
+            bits.opaque |= uint64_t{atLeast(v, Float4(opaqueFrom_)) & atLeast(most, v)} << k;
+            bits.transparent |= uint64_t{below(v, Float4(transparentBelow_)) & atLeast(v, least)} << k;
+        }
+        bits.set(kTile, isOpaque(values[kTile]), isTransparent(values[kTile]));
+    }
+    for (size_t k = 0; k < count && (row < 0 || texture_.wrapU == Wrap::Border); ++k)
+        if (row < 0 || columns[k] < 0)
+            bits.set(k, isOpaque(texture_.border), isTransparent(texture_.border));
+    return bits;
+}
+
+const CellMap::Tile &CellMap::makeTile(size_t column, size_t row) const
+{
+    const size_t columns = std::min(kTile, static_cast<size_t>(axisX_.cells()) - column * kTile);
+    const size_t rows = std::min(kTile, static_cast<size_t>(axisY_.cells()) - row * kTile);
+    const uint64_t cells = ~uint64_t{0} >> (kTile - columns);
+    Tile tile{};
+    RowBits upper = readRow(column * kTile, rows_[row * kTile]);
+    for (size_t y = 0; y < rows; ++y) {
+        const RowBits lower = readRow(column * kTile, rows_[row * kTile + y + 1]);
+        tile.opaque[y] = upper.opaquePairs() & lower.opaquePairs();
+        tile.mixed[y] = ~(tile.opaque[y] | (upper.transparentPairs() & lower.transparentPairs())) & cells;
+        tile.mixedColumns |= tile.mixed[y];
+        upper = lower;
+    }
+    // Neighbours share texels: without a mixed cell all are on one side.
+    const Tile *made = tile.mixedColumns != 0 ? new Tile(tile) : (tile.opaque[0] & 1) != 0 ? &kOpaque : &kTransparent;
+    const Tile *first = nullptr;
+    // Another thread can have made the same one.
+    if (tiles_[row * tileColumns_ + column].compare_exchange_strong(first, made, std::memory_order_acq_rel))
+        return *made;
+    if (tile.mixedColumns != 0)
+        delete made;
+    return *first;
+}
+
+bool CellMap::anyMixedIn(int64_t first, int64_t last) const
+{
+    const auto bits = [this](int64_t word) {
+        uint64_t mixed = 0;
+        for (size_t row = 0; row < tileRows_; ++row)
+            mixed |= tile(static_cast<size_t>(word), row).mixedColumns;
+        return mixed;
+    };
+    return scan(bits, first, last, [](int64_t, int64_t, bool) { return true; });
+}
+
+void CellMap::copy(int64_t x, int64_t y, size_t columns, size_t rows, float *to, size_t pitch) const
+{
+    // Wrapping divides.
+    const auto stored = [](int64_t i, int64_t size, Wrap wrap) {
+        return i >= 0 && i < size ? i : wrapTexel(i, size, wrap);
+    };
+    std::array<int64_t, kMostCopied> from;
+    for (size_t column = 0; column < columns; ++column)
+        from[column] = stored(x + static_cast<int64_t>(column), texture_.width, texture_.wrapU);
+    for (size_t row = 0; row < rows; ++row, to += pitch) {
+        const int64_t at = stored(y + static_cast<int64_t>(row), texture_.height, texture_.wrapV);
+        for (size_t column = 0; column < columns; ++column)
+            to[column] = texel(from[column], at);
+    }
 }
 
 CellMap::Rows CellMap::rowsOf(const Axis::Run &run) const
@@ -201,10 +257,11 @@ Cell CellMap::cell(int64_t x, int64_t y) const
 int CellMap::side(int64_t x, int64_t y) const
 {
     const auto column = static_cast<size_t>(axisX_.run(x, x).first);
-    const size_t word = static_cast<size_t>(axisY_.run(y, y).first) * words_ + column / 64;
-    if ((mixed_[word] >> (column % 64) & 1) != 0)
+    const auto row = static_cast<size_t>(axisY_.run(y, y).first);
+    const Tile &found = tile(column / kTile, row / kTile);
+    if ((found.mixed[row % kTile] >> (column % kTile) & 1) != 0)
         return -1;
-    return static_cast<int>(opaque_[word] >> (column % 64) & 1);
+    return static_cast<int>(found.opaque[row % kTile] >> (column % kTile) & 1);
 }
 
 } // namespace vellum

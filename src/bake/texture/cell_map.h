@@ -4,10 +4,16 @@
 //
 // In a cell whose four texels are on one side of the cutoff the filtered value stays there, whatever the filter. Only
 // the other cells, the mixed ones, need closer examination, and they are few: the outlines of leaves.
+//
+// The bits are made in tiles of 64 x 64 cells, each when it is first needed: a texel that no triangle comes near is
+// never read.
 #pragma once
 
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <bit>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -32,29 +38,34 @@ struct Cell {
     float f00, f10, f01, f11;
 };
 
+// Safe to use from several threads.
 class CellMap
 {
 public:
+    // `texture` must outlive the map.
     CellMap(const AlphaTexture &texture, const Thresholds &thresholds);
+    ~CellMap();
+    CellMap(const CellMap &) = delete;
+    CellMap &operator=(const CellMap &) = delete;
 
     [[nodiscard]] const Axis &axisX() const { return axisX_; }
     [[nodiscard]] const Axis &axisY() const { return axisY_; }
-    [[nodiscard]] bool anyMixed() const { return anyMixed_; }
-    // No finite texel is further from 0 than this.
+    // No finite value that the texture can have is further from 0 than this.
     [[nodiscard]] double largest() const { return largest_; }
 
     // The texels of a cell.
     [[nodiscard]] Cell cell(int64_t x, int64_t y) const;
     // 1: all of the cell is opaque, 0: transparent, -1: mixed.
     [[nodiscard]] int side(int64_t x, int64_t y) const;
-    // The texels of the cells from (x0, y0) to (x1, y1) where they lie in the texture as they do in the plane: the one
-    // at the upper left corner of the first cell, with rows `pitch()` apart. Null where they do not.
-    [[nodiscard]] const float *window(int64_t x0, int64_t y0, int64_t x1, int64_t y1) const
+    // Copies the texels of at most kMostCopied columns, and of some rows, from position (x, y) on. In `to`, rows are
+    // `pitch` values apart.
+    static constexpr size_t kMostCopied = 16;
+    void copy(int64_t x, int64_t y, size_t columns, size_t rows, float *to, size_t pitch) const;
+    // Returns whether the texels of the cells from (x0, y0) to (x1, y1) lie in the texture as they do in the plane.
+    [[nodiscard]] bool isInside(int64_t x0, int64_t y0, int64_t x1, int64_t y1) const
     {
-        const bool inside = x0 >= 0 && y0 >= 0 && x1 + 1 < texture_.width && y1 + 1 < texture_.height;
-        return inside ? texture_.alpha.data() + y0 * pitch() + x0 : nullptr;
+        return x0 >= 0 && y0 >= 0 && x1 + 1 < texture_.width && y1 + 1 < texture_.height;
     }
-    [[nodiscard]] int64_t pitch() const { return texture_.width; }
     // Where the texels of a cell are: rows and columns, -1 for the border.
     struct Place {
         int64_t x, y;
@@ -72,9 +83,14 @@ public:
     // Has the processor load the texels of a cell meanwhile.
     void prefetch(const Place &place) const
     {
-        const int64_t left = std::max<int64_t>(place.left, 0);
-        __builtin_prefetch(texture_.alpha.data() + std::max<int64_t>(place.upper, 0) * pitch() + left);
-        __builtin_prefetch(texture_.alpha.data() + std::max<int64_t>(place.lower, 0) * pitch() + left);
+        for (const int64_t row : {place.upper, place.lower}) {
+            const size_t at = texture_.place(static_cast<size_t>(std::max<int64_t>(place.left, 0)),
+                                             static_cast<size_t>(std::max<int64_t>(row, 0)));
+            if (texture_.codes.first != nullptr)
+                __builtin_prefetch(texture_.codes.first + at);
+            else
+                __builtin_prefetch(texture_.alpha.data() + at);
+        }
     }
     // Calls `sink` with the place of each mixed cell of row `y` from `first` to `last` until it returns true; returns
     // whether it did.
@@ -83,60 +99,86 @@ public:
     {
         const Axis::Run row = axisY_.run(y, y);
         const Rows rows = rowsOf(row);
-        return scan(static_cast<size_t>(row.first), first, last, [&](int64_t x, int64_t stored, bool mirrored) {
-            return sink(place(x, y, stored, mirrored, rows));
-        });
+        const auto stored = static_cast<size_t>(row.first);
+        return scan(
+            [&](int64_t word) { return tile(static_cast<size_t>(word), stored / 64).mixed[stored % 64]; }, first, last,
+            [&](int64_t x, int64_t column, bool mirrored) { return sink(place(x, y, column, mirrored, rows)); });
     }
-    // Returns whether any cell of the columns from `first` to `last` is mixed.
-    [[nodiscard]] bool anyMixedIn(int64_t first, int64_t last) const
-    {
-        return scan(static_cast<size_t>(axisY_.cells()), first, last, [](int64_t, int64_t, bool) { return true; });
-    }
+    // Returns false where no cell of the columns from `first` to `last` is mixed. Reads all their texels: for what
+    // covers all rows.
+    [[nodiscard]] bool anyMixedIn(int64_t first, int64_t last) const;
 
 private:
+    // The bits of 64 x 64 stored cells, a word for each row.
+    struct Tile {
+        std::array<uint64_t, 64> mixed;
+        std::array<uint64_t, 64> opaque;
+        uint64_t mixedColumns; // a bit for each column with a mixed cell
+    };
+    static const Tile kOpaque;
+    static const Tile kTransparent;
+    // An interval of codes.
+    struct CodeRange {
+        uint8_t first = 0;
+        uint8_t count = 0; // after the first
+        bool any = false;
+    };
+    struct RowBits;
     struct Rows {
         int64_t upper; // texels' rows, -1 for the border
         int64_t lower;
     };
+
+    [[nodiscard]] bool isOpaque(float value) const { return std::isfinite(value) && value >= opaqueFrom_; }
+    [[nodiscard]] bool isTransparent(float value) const { return std::isfinite(value) && value < transparentBelow_; }
     [[nodiscard]] Rows rowsOf(const Axis::Run &run) const;
     [[nodiscard]] float texel(int64_t column, int64_t row) const
     {
         return row < 0 || column < 0
                    ? texture_.border
-                   : texture_.alpha[static_cast<size_t>(row * static_cast<int64_t>(texture_.width) + column)];
+                   : texture_.value(texture_.place(static_cast<size_t>(column), static_cast<size_t>(row)));
     }
     [[nodiscard]] Place place(int64_t x, int64_t y, int64_t stored, bool mirrored, const Rows &rows) const
     {
         const auto at = static_cast<size_t>(stored);
         return {x, y, columns_[mirrored ? at + 1 : at], columns_[mirrored ? at : at + 1], rows.upper, rows.lower};
     }
-    void fill(const Thresholds &thresholds);
-    // Calls `sink` with the position of each mixed cell of a stored row, with its stored column, and whether it is
-    // mirrored, until it returns true.
-    template <typename Sink>
-    bool scan(size_t row, int64_t first, int64_t last, Sink &&sink) const;
+    // The tile with the stored cells (64 * column, 64 * row) to (64 * column + 63, 64 * row + 63).
+    [[nodiscard]] const Tile &tile(size_t column, size_t row) const
+    {
+        const Tile *tile = tiles_[row * tileColumns_ + column].load(std::memory_order_acquire);
+        return tile != nullptr ? *tile : makeTile(column, row);
+    }
+    const Tile &makeTile(size_t column, size_t row) const;
+    [[nodiscard]] RowBits readRow(size_t firstColumn, int64_t row) const;
+    // Calls `sink` with the position from `first` to `last` of each bit that is set, with its stored column, and
+    // whether it is mirrored, until it returns true; returns whether it did. bits(i): those of the stored columns from
+    // 64 * i on.
+    template <typename Bits, typename Sink>
+    bool scan(Bits &&bits, int64_t first, int64_t last, Sink &&sink) const;
 
     const AlphaTexture &texture_;
     Axis axisX_;
     Axis axisY_;
-    bool anyMixed_ = false;
+    float opaqueFrom_;
+    float transparentBelow_;
+    CodeRange opaqueCodes_;
+    CodeRange transparentCodes_;
     double largest_ = 0;
-    size_t words_;                 // of one row of bits
-    std::vector<uint64_t> mixed_;  // one bit for each stored cell; behind the last row, one for all of its column
-    std::vector<uint64_t> opaque_; // likewise
-    std::vector<int32_t> columns_; // texels of padded rows
+    size_t tileColumns_;
+    size_t tileRows_;
+    mutable std::vector<std::atomic<const Tile *>> tiles_; // null until they are needed
+    std::vector<int32_t> columns_;                         // texels of padded rows
     std::vector<int32_t> rows_;
 };
 
-template <typename Sink>
-bool CellMap::scan(size_t row, int64_t first, int64_t last, Sink &&sink) const
+template <typename Bits, typename Sink>
+bool CellMap::scan(Bits &&bits, int64_t first, int64_t last, Sink &&sink) const
 {
-    const uint64_t *bits = &mixed_[row * words_];
     for (int64_t x = first; x <= last;) {
         const Axis::Run run = axisX_.run(x, last);
         if (run.step == 0) {
-            const auto at = static_cast<size_t>(run.first);
-            if ((bits[at / 64] >> (at % 64) & 1) != 0)
+            if ((bits(run.first / 64) >> (run.first % 64) & 1) != 0)
                 for (int64_t i = 0; i < run.count; ++i)
                     if (sink(x + i, run.first, false))
                         return true;
@@ -146,7 +188,7 @@ bool CellMap::scan(size_t row, int64_t first, int64_t last, Sink &&sink) const
         const int64_t low = run.step > 0 ? run.first : run.first - run.count + 1;
         const int64_t high = low + run.count - 1;
         for (int64_t word = low / 64; word <= high / 64; ++word) {
-            uint64_t set = bits[word];
+            uint64_t set = bits(word);
             if (word == low / 64)
                 set &= ~uint64_t{0} << (low % 64);
             if (word == high / 64)

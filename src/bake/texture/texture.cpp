@@ -2,25 +2,21 @@
 #include "bake/texture/texture.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <utility>
 
 namespace vellum
 {
 
-AlphaTexture AlphaTexture::fromUnorm8(uint32_t width, uint32_t height, const uint8_t *first, size_t stride, float scale)
+AlphaTexture AlphaTexture::fromUnorm8(uint32_t width, uint32_t height, const uint8_t *first, size_t pixelStride,
+                                      size_t rowStride, float scale, std::shared_ptr<const void> owner)
 {
     AlphaTexture texture;
     texture.width = width;
     texture.height = height;
-    std::array<float, 256> values;
-    for (size_t i = 0; i < values.size(); ++i)
-        values[i] = static_cast<float>(i) / 255.0f * scale;
-    texture.appendRows([&](size_t y, float *to) {
-        const uint8_t *row = first + y * width * stride;
-        for (size_t x = 0; x < width; ++x)
-            to[x] = values[row[x * stride]];
-    });
+    texture.codes = {first, pixelStride, rowStride, {}, std::move(owner)};
+    for (size_t i = 0; i < texture.codes.values.size(); ++i)
+        texture.codes.values[i] = static_cast<float>(i) / 255.0f * scale;
     return texture;
 }
 
@@ -36,6 +32,20 @@ AlphaTexture AlphaTexture::fromUnorm16(uint32_t width, uint32_t height, const ui
             to[x] = static_cast<float>(row[x * stride]) / 65535.0f * scale;
     });
     return texture;
+}
+
+void AlphaTexture::negate()
+{
+    border = -border;
+    for (float &value : codes.values)
+        value = -value;
+    for (float &value : alpha)
+        value = -value;
+}
+
+bool AlphaTexture::isComplete() const
+{
+    return width > 0 && height > 0 && (codes.first != nullptr || alpha.size() == size_t{width} * height);
 }
 
 int64_t wrapTexel(int64_t i, int64_t size, Wrap wrap)
@@ -60,7 +70,7 @@ float AlphaTexture::texel(int64_t x, int64_t y) const
     const int64_t row = wrapTexel(y, height, wrapV);
     if (column < 0 || row < 0)
         return border;
-    return alpha[static_cast<size_t>(row * width + column)];
+    return value(place(static_cast<size_t>(column), static_cast<size_t>(row)));
 }
 
 double AlphaTexture::sample(double u, double v) const

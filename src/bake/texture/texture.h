@@ -2,8 +2,10 @@
 // The alpha channel of a texture with the sampler that reads it: what the baker proves its states against.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "core/large_memory.h"
@@ -17,25 +19,41 @@ enum class Wrap : uint8_t { Repeat, Mirror, Clamp, Border, MirrorOnce };
 // VkFilter of mip level 0, the one that alpha tests for ray tracing read.
 enum class Filter : uint8_t { Nearest, Bilinear };
 
+// Texels as 8-bit codes in the memory of an image, which is not copied.
+struct AlphaCodes {
+    const uint8_t *first = nullptr;    // of texel (0, 0); null where there are no codes
+    size_t pixelStride = 0;            // bytes from one texel to the next in a row
+    size_t rowStride = 0;              // and from one row to the next
+    std::array<float, 256> values{};   // what codes mean: rising, or falling
+    std::shared_ptr<const void> owner; // of the memory; null where it outlives the texture by itself
+};
+
 struct AlphaTexture {
-    uint32_t width = 0;       // in texels, at least 1
-    uint32_t height = 0;      // in texels, at least 1
-    std::vector<float> alpha; // width * height values, row 0 is at v = 0; what is not finite proves nothing
+    uint32_t width = 0;  // in texels, at least 1
+    uint32_t height = 0; // in texels, at least 1
+    // width * height values, row 0 is at v = 0; what is not finite proves nothing. Not used where there are codes.
+    std::vector<float> alpha;
+    AlphaCodes codes;
     Wrap wrapU = Wrap::Repeat;
     Wrap wrapV = Wrap::Repeat;
     Filter filter = Filter::Bilinear;
     float border = 0; // read outside by Wrap::Border
 
-    // Takes every `stride`-th byte as an 8-bit normalised value.
+    // Takes every `pixelStride`-th byte as an 8-bit normalised value, where it is.
     //   first   the alpha of texel (0, 0): 3 bytes after the pixels of an RGBA image
-    //   stride  bytes from one texel to the next, 4 for RGBA
     //   scale   what the shader multiplies the filtered alpha with: glTF's baseColorFactor[3]
-    static AlphaTexture fromUnorm8(uint32_t width, uint32_t height, const uint8_t *first, size_t stride,
-                                   float scale = 1.0f);
+    //   owner   keeps the bytes; null where they outlive the texture and its copies
+    static AlphaTexture fromUnorm8(uint32_t width, uint32_t height, const uint8_t *first, size_t pixelStride,
+                                   size_t rowStride, float scale = 1.0f, std::shared_ptr<const void> owner = {});
 
     // Reads 16-bit values, in native byte order; `stride` counts values.
     static AlphaTexture fromUnorm16(uint32_t width, uint32_t height, const uint16_t *first, size_t stride,
                                     float scale = 1.0f);
+
+    // Negates all values, and the border.
+    void negate();
+    // Whether there is a value for each texel, and at least one.
+    [[nodiscard]] bool isComplete() const;
 
     // Makes `alpha` of rows that function(y, to) writes.
     template <typename Function>
@@ -48,6 +66,14 @@ struct AlphaTexture {
         }
     }
 
+    // Where a texel is, for value(). Texels of a row are pixelStride() apart, and those of a column rowStride().
+    [[nodiscard]] size_t place(size_t column, size_t row) const { return row * rowStride() + column * pixelStride(); }
+    [[nodiscard]] size_t pixelStride() const { return codes.first != nullptr ? codes.pixelStride : 1; }
+    [[nodiscard]] size_t rowStride() const { return codes.first != nullptr ? codes.rowStride : width; }
+    [[nodiscard]] float value(size_t place) const
+    {
+        return codes.first != nullptr ? codes.values[codes.first[place]] : alpha[place];
+    }
     // The texel at any integer position, wrapped, or the border.
     [[nodiscard]] float texel(int64_t x, int64_t y) const;
     // The filtered value at (u, v), in double precision: exactly as Vulkan's "Texel Filtering" defines it, without the

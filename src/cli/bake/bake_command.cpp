@@ -142,6 +142,7 @@ private:
     std::vector<BakeJob> jobs_;
     job::Log *log_;
     Storage storage_;
+    DecodedImages images_;
     BakeRun result_;
     std::vector<double> bytes_; // of the inputs
     std::vector<size_t> order_; // the largest first
@@ -207,6 +208,8 @@ BakeFileReport Bakery::bakeOne(size_t job, unsigned threads)
         if (const std::string problem = storage_.problemOf(jobs_[job]); !problem.empty())
             return notBaked(problem);
     options.measure = true;
+    if (jobs_.size() > 1)
+        options.images = &images_;
     try {
         const Document document = openDocument(jobs_[job].input);
         exclusions_.note(document);

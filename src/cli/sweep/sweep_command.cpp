@@ -110,8 +110,10 @@ Sweep sweepFiles(const SweepOptions &options)
         progress.update(static_cast<size_t>(1000 * all / static_cast<double>(done.size())), 1000);
     };
     const unsigned threads = threadCount(options.threads);
+    DecodedImages images;
     inParallel(threads, paths.size(), [&](size_t i) {
         DocumentBakeOptions bake = options.bake;
+        bake.images = &images;
         bake.bake.threads = std::max(1u, threads / static_cast<unsigned>(std::min<size_t>(threads, paths.size())));
         bake.bake.progress = [&](size_t n, size_t total) {
             update(i, static_cast<double>(n) / static_cast<double>(std::max<size_t>(total, 1)));

@@ -69,7 +69,7 @@ class DocumentBaker
 public:
     // `areas` may be null.
     DocumentBaker(const Document &document, const DocumentBakeOptions &options, const SurfaceAreas *areas)
-        : document_(document), options_(options), areas_(areas), changing_(document), textures_(document)
+        : document_(document), options_(options), areas_(areas), changing_(document), textures_(document, options.images)
     {
     }
 
@@ -306,7 +306,8 @@ void DocumentBaker::readTexture(Source &source)
 {
     try {
         source.texture = textures_.of(source.material);
-        textures_.images().account(source.layers.size() * source.texture->alpha.size() / kMapsForImage);
+        const uint64_t texels = uint64_t{source.texture->width} * source.texture->height;
+        textures_.images().account(source.layers.size() * texels / kMapsForImage);
     } catch (const GltfUnsupported &error) {
         source.unreadable = true;
         for (const uint32_t primitive : source.primitives) {

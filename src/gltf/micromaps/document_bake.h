@@ -11,6 +11,7 @@
 
 #include "bake/bake.h"
 #include "bake/outline.h"
+#include "gltf/alpha_textures.h"
 #include "gltf/document.h"
 #include "gltf/micromaps/bake_cache.h"
 #include "gltf/micromaps/known_surface.h"
@@ -35,6 +36,8 @@ struct DocumentBakeOptions {
     // Primitives whose material or mesh has such a name (shell patterns: * ? [...]) are not baked.
     std::vector<std::string> excludedMaterials;
     std::vector<std::string> excludedMeshes;
+    // Images that the files of one run share; may be null.
+    DecodedImages *images = nullptr;
     // Results of earlier bakes. Those of textures whose images cannot be read are not kept.
     BakeCache cache;
 };
