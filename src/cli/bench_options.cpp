@@ -50,11 +50,14 @@ std::function<int()> declareBenchCommand(CLI::App &app)
                     "Folder of the layer's manifest, instead of the one installed with this program")
         ->type_name("FOLDER");
     command.option_defaults()->group(kSelection);
-    command.add_option("--seconds", options->seconds, "How long it may take, about [180]")->check(between(0.1, 86400));
+    command.add_option("--seconds", options->seconds, "How long it may take, about [180]")
+        ->check(between(0.1, 86400))
+        ->type_name("SECONDS");
     command
         .add_option("--timeout", options->timeout,
-                    "Seconds without progress, after which a part counts as hung and is ended; a slow one goes on [60]")
-        ->check(between(0.1, 86400));
+                    "The time without progress after which a part counts as hung and is ended; a slow one goes on [60]")
+        ->check(between(0.1, 86400))
+        ->type_name("SECONDS");
     command.add_option("--worker", options->worker, "")->group(""); // for its own processes
     return [options] { return !options->worker.empty() ? runPartWorker(options->device) : benchCommand(*options); };
 }
