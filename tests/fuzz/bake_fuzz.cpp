@@ -331,7 +331,8 @@ void checkClaim(const Bake &bake, size_t which, const std::vector<AlphaTexture> 
     const double t = uvs[1] * (1 - u - v) + uvs[3] * u + uvs[5] * v;
     for (const AlphaTexture &texture : textures) {
         double largest = std::abs(texture.border);
-        for (const float alpha : texture.alpha)
+        const bool isCodes = texture.codes.first != nullptr;
+        for (const float alpha : isCodes ? std::span<const float>(texture.codes.values) : texture.alpha)
             largest = std::max(largest, std::isfinite(alpha) ? std::abs(double{alpha}) : 1e300);
         const double far = std::max(std::abs(s) * texture.width, std::abs(t) * texture.height);
         if (!(largest < 1e30 && far < 0x1p20))
