@@ -112,8 +112,9 @@ typedef enum VellumFilter { VELLUM_FILTER_NEAREST = 0, VELLUM_FILTER_LINEAR = 1 
 // The alpha of one mip level of an image, and how a sampler reads it.
 //
 // Texel (x, y) is at byte offset + y * rowStride + x * pixelStride of `texels`, with any alignment; row 0 is at v = 0.
-// All texels must be within texelsSize bytes. Micro-triangles that a texel that is not finite contributes to are
-// unknown.
+// All texels must be within texelsSize bytes. Those of 8 bits are read where they are, by any thread and more than
+// once: they must not change during a bake, and memory that is slow to read should be copied. Micro-triangles that a
+// texel that is not finite contributes to are unknown.
 typedef struct VellumTexture {
     size_t structSize;
     const void *texels;
@@ -231,8 +232,8 @@ typedef struct VellumBakeOptions {
     uint32_t compareOp;   // a VellumCompareOp; default VELLUM_COMPARE_OP_GREATER_OR_EQUAL
     uint32_t flags;       // VellumBakeFlagBits; default 0
     // Largest size of data plus 8 bytes for each micromap triangle. Levels are lowered where that makes the least known
-    // area unknown per byte, down to special indices, which take no data; if bytes are left, automatic levels are raised
-    // where that makes the most known, by at most 3 and up to maxLevel. Default VELLUM_NO_BUDGET.
+    // area unknown per byte, down to special indices, which take no data; if bytes are left, automatic levels are
+    // raised where that makes the most known, by at most 3 and up to maxLevel. Default VELLUM_NO_BUDGET.
     uint64_t budget;
     // A 4-state triangle of which less than this share (0 to 1) is known gets a special index for unknown instead of
     // data. Default 0.
@@ -300,9 +301,9 @@ typedef struct VellumMicromap VellumMicromap;
 //
 // Returns VELLUM_SUCCESS, VELLUM_CANCELLED, or any error except VELLUM_ERROR_FILE.
 //
-// Peak memory: the result, an eighth of it (256 KiB to 64 MiB), a few MiB per thread, 2 bits per texel that triangles
-// cover, and about 200 bytes per triangle (350 with a budget). Textures of other formats than R8_UNORM are converted: 4
-// bytes per texel (8 with GREATER or LESS_OR_EQUAL).
+// Peak memory: the result, an eighth of it (256 KiB to 64 MiB), a few MiB per thread, 1 KiB for each 64 x 64 texels
+// that triangles cover and that have an outline, and about 200 bytes per triangle (350 with a budget). Textures of
+// other formats than R8_UNORM are converted: 4 bytes per texel (8 with GREATER or LESS_OR_EQUAL).
 VELLUM_API VellumResult vellumBake(const VellumBakeInput *inputs, size_t inputCount, const VellumBakeOptions *options,
                                    VellumMicromap **micromap);
 
@@ -353,8 +354,8 @@ VELLUM_API VellumResult vellumGetGeometryInfo(const VellumMicromap *micromap, si
 //   indexSize   1, 2 or 4
 //   output      receives indexCount * indexSize bytes, in the byte order of the machine; no alignment is needed
 //
-// VELLUM_ERROR_INVALID_ARGUMENT: a pointer is null, another size, or an index that is below -4 or does not fit. The output
-// is undefined then.
+// VELLUM_ERROR_INVALID_ARGUMENT: a pointer is null, another size, or an index that is below -4 or does not fit. The
+// output is undefined then.
 VELLUM_API VellumResult vellumWriteIndices(const int32_t *indices, size_t indexCount, uint32_t indexSize, void *output);
 
 // Looks up the state at a point of a triangle, as a ray does.

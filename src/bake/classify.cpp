@@ -178,6 +178,11 @@ const ExactTriangle &Classifier::Walk::exact()
 void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
 {
     poll();
+    // Cells beyond these read no other texels.
+    if (place_.spansTexture(map_, node.sub) && !map_.anyMixedIn(0, map_.axisX().cells())) {
+        uniform(node, depth);
+        return;
+    }
     if (place_.boxCells(node.sub) <= kMostCells && leafCells_ <= kMostLeafCells) {
         Frame frame;
         list(node, frame);
@@ -191,10 +196,6 @@ void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
             leaf(node, 0, count);
         else
             descend(frame, node, depth, 0, count);
-        return;
-    }
-    if (place_.spansTexture(map_, node.sub) && !map_.anyMixedIn(0, map_.axisX().cells())) {
-        uniform(node, depth);
         return;
     }
     if (depth < level_) {

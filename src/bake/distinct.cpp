@@ -23,7 +23,7 @@ void check(const AlphaTexture &texture)
     if (texture.width > kMostTexels || texture.height > kMostTexels)
         throw BakeError("the alpha texture has more than 2^24 texels along a side");
     if (!texture.isComplete())
-        throw BakeError("the alpha texture has " + std::to_string(texture.alpha.size()) + " values for " +
+        throw BakeError("the alpha texture has no codes, and " + std::to_string(texture.alpha.size()) + " values for " +
                         std::to_string(texture.width) + " x " + std::to_string(texture.height) + " texels");
 }
 

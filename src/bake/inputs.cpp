@@ -39,12 +39,12 @@ void readRow(const std::byte *from, size_t stride, std::span<float> to, Function
         to[x] = function(load<T>(from + x * stride));
 }
 
-// Calls `use` with a function that reads rows of a format: readRow's arguments but the last.
+// Calls `use` with a function that converts rows of a format: readRow's arguments but the last.
 template <typename Use>
 void withRowsOf(AlphaFormat format, float scale, Use &&use)
 {
     switch (format) {
-    case AlphaFormat::Unorm8: break; // used as they are
+    case AlphaFormat::Unorm8: throw BakeError("values of 8 bits are not converted");
     case AlphaFormat::Unorm16:
         use([scale](const std::byte *from, size_t stride, std::span<float> to) {
             readRow<uint16_t>(from, stride, to,
@@ -150,7 +150,7 @@ AlphaTexture readAlpha(const AlphaPixels &pixels)
         !within(total - pixels.offset - size - inRow * pixels.pixelStride, inColumn, rowStride))
         throw BakeError("the alpha values of " + std::to_string(pixels.width) + " x " + std::to_string(pixels.height) +
                         " texels do not lie within " + std::to_string(total) + " bytes");
-    if (pixels.format == AlphaFormat::Unorm8)
+    if (pixels.format == AlphaFormat::Unorm8) // used where it is
         return AlphaTexture::fromUnorm8(pixels.width, pixels.height,
                                         reinterpret_cast<const uint8_t *>(pixels.bytes.data()) + pixels.offset,
                                         pixels.pixelStride, rowStride, pixels.scale);

@@ -57,8 +57,10 @@ Placement::Placement(const AlphaTexture &texture, const CellMap &map, const Bake
             std::max<double>({std::abs(uvs[0].*axis), std::abs(uvs[1].*axis), std::abs(uvs[2].*axis), uvTerms});
         const double slope =
             std::abs(double{uvs[1].*axis} - uvs[0].*axis) + std::abs(double{uvs[2].*axis} - uvs[0].*axis);
-        return options.subtexelTolerance +
-               texels * (largest * options.interpolationTolerance + slope * options.barycentricTolerance);
+        // No texel is further away than that, and it can be counted in cells.
+        constexpr double kMost = 0x1p26;
+        return std::min(kMost, options.subtexelTolerance + texels * (largest * options.interpolationTolerance +
+                                                                     slope * options.barycentricTolerance));
     };
     marginX = margin(&TexCoord::u, texture.width);
     marginY = margin(&TexCoord::v, texture.height);
@@ -92,9 +94,14 @@ double Placement::boxCells(const SubTriangle &sub) const
 
 bool Placement::spansTexture(const CellMap &map, const SubTriangle &sub) const
 {
-    const double steps = std::abs(static_cast<double>(sub.size));
-    return (high.x - low.x) * steps >= static_cast<double>(map.axisX().cells()) &&
-           (high.y - low.y) * steps >= static_cast<double>(map.axisY().cells());
+    const Point corner = at(sub.i, sub.j);
+    const auto spans = [&](const Axis &axis, int64_t base, double Point::*along, double margin) {
+        const double a = corner.*along + low.*along * sub.size;
+        const double b = corner.*along + high.*along * sub.size;
+        const auto from = static_cast<double>(base);
+        return axis.spans(from + std::min(a, b) - margin, from + std::max(a, b) + margin);
+    };
+    return spans(map.axisX(), baseX, &Point::x, marginX) && spans(map.axisY(), baseY, &Point::y, marginY);
 }
 
 } // namespace vellum

@@ -44,7 +44,7 @@ struct Placement {
     bool forMixed(const CellMap &map, const SubTriangle &sub, Sink &&sink) const;
     // The approximate number of cells in the box around a sub-triangle.
     [[nodiscard]] double boxCells(const SubTriangle &sub) const;
-    // Returns whether that box has all cells of a texture.
+    // Returns whether that box has all texels of a texture.
     [[nodiscard]] bool spansTexture(const CellMap &map, const SubTriangle &sub) const;
 
     int64_t unwrappedX; // the cell that local coordinates count from
@@ -124,7 +124,7 @@ bool Placement::forMixed(const CellMap &map, const SubTriangle &sub, Sink &&sink
     // not.
     constexpr int64_t kMany = 64;
     const bool many = last - row >= kMany;
-    if (last - row >= std::max(kMany, map.axisY().cells())) {
+    if (many && map.axisY().spans(static_cast<double>(baseY + row), static_cast<double>(baseY + last))) {
         const Columns all = between(top, bottom);
         if (!map.anyMixedIn(all.first, all.last))
             return false;

@@ -22,44 +22,56 @@ constexpr uint64_t kTexelsPerByte = 8 * kMostTexelsPerByte;
 std::shared_ptr<const Image> DecodedImages::get(std::span<const uint8_t> encoded, const std::function<Image()> &decode)
 {
     const uint64_t key = hashBytes(encoded.data(), encoded.size());
-    std::shared_ptr<Entry> entry;
-    {
-        const std::lock_guard lock(mutex_);
-        std::shared_ptr<Entry> &kept = entries_[key];
-        if (!kept)
-            kept = std::make_shared<Entry>();
-        entry = kept;
-        entry->used = ++uses_;
+    std::unique_lock lock(mutex_);
+    if (const auto found = found_.find(key); found != found_.end()) {
+        entries_.splice(entries_.begin(), entries_, found->second);
+        const auto waiting = found->second->decoded;
+        lock.unlock();
+        const std::shared_ptr<const Decoded> decoded = waiting.get();
+        if (decoded && std::equal(encoded.begin(), encoded.end(), decoded->encoded.begin(), decoded->encoded.end()))
+            return {decoded, &decoded->image};
+        return std::make_shared<const Image>(decode()); // it failed, or is another one with the same hash
     }
-    const std::lock_guard lock(entry->mutex);
-    if (entry->image && std::equal(encoded.begin(), encoded.end(), entry->encoded.begin(), entry->encoded.end()))
-        return entry->image;
-    auto image = std::make_shared<const Image>(decode());
-    if (entry->image)
-        return image; // another one with the same hash
-    entry->encoded.assign(encoded.begin(), encoded.end());
-    entry->image = image;
-    keep(key, entry, encoded.size() + image->rgba.size() + 2 * image->alpha16.size());
-    return image;
+    std::promise<std::shared_ptr<const Decoded>> promise;
+    entries_.push_front({key, promise.get_future().share(), 0});
+    const Entries::iterator entry = entries_.begin();
+    try {
+        found_.emplace(key, entry);
+    } catch (...) {
+        entries_.pop_front();
+        throw;
+    }
+    lock.unlock();
+    std::shared_ptr<const Decoded> decoded;
+    try {
+        decoded = std::make_shared<const Decoded>(Decoded{{encoded.begin(), encoded.end()}, decode()});
+    } catch (...) {
+        lock.lock();
+        found_.erase(key);
+        entries_.erase(entry);
+        lock.unlock();
+        promise.set_value(nullptr);
+        throw;
+    }
+    promise.set_value(decoded);
+    lock.lock();
+    keep(entry, encoded.size() + decoded->image.rgba.size() + 2 * decoded->image.alpha16.size());
+    return {decoded, &decoded->image};
 }
 
 // Counts an entry, and drops those that were not used for the longest time.
-void DecodedImages::keep(uint64_t key, const std::shared_ptr<Entry> &entry, size_t bytes)
+void DecodedImages::keep(Entries::iterator entry, size_t bytes)
 {
-    const std::lock_guard lock(mutex_);
-    const auto found = entries_.find(key);
-    if (found == entries_.end() || found->second != entry)
-        return;
-    entry->bytes = bytes;
-    bytes_ += bytes;
-    while (bytes_ > mostBytes_) {
-        // Those that are being decoded have no bytes yet.
-        auto oldest = entries_.end();
-        for (auto at = entries_.begin(); at != entries_.end(); ++at)
-            if (at->second->bytes != 0 && (oldest == entries_.end() || at->second->used < oldest->second->used))
-                oldest = at;
-        bytes_ -= oldest->second->bytes;
-        entries_.erase(oldest);
+    constexpr size_t kBookkeeping = 512; // of an entry, at most
+    entry->bytes = bytes + kBookkeeping;
+    bytes_ += entry->bytes;
+    for (auto last = entries_.end(); bytes_ > mostBytes_ && last != entries_.begin();) {
+        --last;
+        if (last->bytes == 0)
+            continue; // being decoded
+        bytes_ -= last->bytes;
+        found_.erase(last->key);
+        last = entries_.erase(last);
     }
 }
 

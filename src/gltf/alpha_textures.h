@@ -5,6 +5,8 @@
 
 #include <exception>
 #include <functional>
+#include <future>
+#include <list>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -13,6 +15,7 @@
 #include <span>
 #include <string>
 #include <tuple>
+#include <unordered_map>
 #include <vector>
 
 #include "gltf/primitive.h"
@@ -28,25 +31,28 @@ public:
     // By default as many as four of 4096 x 4096.
     explicit DecodedImages(size_t mostBytes = size_t{256} << 20) : mostBytes_(mostBytes) {}
 
-    // The image of these bytes, by decode() where it is not kept. Throws what decode() throws; then another caller
-    // tries again.
+    // The image of these bytes, by decode() where it is not kept. Throws what decode() throws; then those that waited
+    // decode it themselves.
     std::shared_ptr<const Image> get(std::span<const uint8_t> encoded, const std::function<Image()> &decode);
 
 private:
-    struct Entry {
-        std::mutex mutex; // held while it is decoded
+    struct Decoded {
         std::vector<uint8_t> encoded;
-        std::shared_ptr<const Image> image; // null until it is decoded
-        size_t bytes = 0;                   // of both
-        uint64_t used = 0;
+        Image image;
     };
-    void keep(uint64_t key, const std::shared_ptr<Entry> &entry, size_t bytes);
+    struct Entry {
+        uint64_t key;                                               // a hash of the encoded bytes
+        std::shared_future<std::shared_ptr<const Decoded>> decoded; // null after a failure
+        size_t bytes;                                               // 0 until it is decoded
+    };
+    using Entries = std::list<Entry>;
+    void keep(Entries::iterator entry, size_t bytes);
 
     size_t mostBytes_;
     std::mutex mutex_;
-    std::map<uint64_t, std::shared_ptr<Entry>> entries_; // by a hash of the encoded bytes
+    Entries entries_; // the one that was used last in front
+    std::unordered_map<uint64_t, Entries::iterator> found_;
     size_t bytes_ = 0;
-    uint64_t uses_ = 0;
 };
 
 // Decodes images. Not more texels than their bytes can be worth, and some in addition.

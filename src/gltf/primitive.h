@@ -115,10 +115,10 @@ Image decodeImage(const Document &document, int image, const EncodedImage &encod
 Image readImage(const Document &document, int image);
 
 // The alpha of a material's texture as its sampler reads it, times the base colour factor's; one texel of that factor
-// if there is no texture. `image` is the result of readImage for material.image, unread without a texture. Its texels are
-// not copied: `owner` keeps them, or is null where the image outlives the texture.
+// if there is no texture. `image` is the result of readImage for material.image, unread without a texture. Its texels
+// are not copied: `owner` keeps them, or is null where the image outlives the texture.
 AlphaTexture alphaTexture(const Material &material, const Image &image, std::shared_ptr<const void> owner = {});
-AlphaTexture alphaTexture(const Material &material, Image &&image) = delete;
+AlphaTexture alphaTexture(const Material &material, const Image &&image, std::shared_ptr<const void> = {}) = delete;
 
 // Opaque or Transparent where an alpha test with this cutoff has but one outcome, whatever the texture says and however
 // it is filtered: it has values from 0 to 1, times the base colour factor's alpha and that of vertices, from 0 to 1.

@@ -64,7 +64,9 @@ void AlphaImage::upload(std::span<const vellum::AlphaTexture> levels, Format for
         region.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, level, 0, 1};
         region.imageExtent = {levels[level].width, levels[level].height, 1};
         regions.push_back(region);
-        for (const float alpha : levels[level].alpha) {
+        for (size_t texel = 0; texel < size_t{levels[level].width} * levels[level].height; ++texel) {
+            const float alpha =
+                levels[level].value(levels[level].place(texel % levels[level].width, texel / levels[level].width));
             if (format == Format::Float) {
                 const auto *raw = reinterpret_cast<const uint8_t *>(&alpha);
                 bytes.insert(bytes.end(), raw, raw + 4);

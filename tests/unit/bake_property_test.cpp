@@ -208,3 +208,38 @@ TEST(BakeProperty, FarTrianglesAreSkipped)
         EXPECT_EQ(bake(t, outside, o).micromap.indices, std::vector<int32_t>{-1});
     }
 }
+
+// Textures of one outcome, whatever triangles and margins cover: those that span it in one direction, in both, and by
+// margins alone, which have to end somewhere.
+TEST(BakeProperty, TexturesOfOneOutcomeAreSoonDone)
+{
+    const std::vector<TriangleUvs> wide = {{{{0, 0}, {260000, 0}, {0, 0.5f}}}};
+    const std::vector<TriangleUvs> small = {{{{0.1f, 0.1f}, {0.2f, 0.1f}, {0.1f, 0.2f}}}};
+    BakeOptions options;
+    options.level = 9;
+    options.threads = 1;
+    for (const auto &[width, height] : {std::pair{64u, 16384u}, {1u, 1u}, {1024u, 1024u}, {16384u, 1u}}) {
+        std::vector<uint8_t> codes(size_t{width} * height, 255);
+        for (const Wrap wrap : {Wrap::Repeat, Wrap::Mirror, Wrap::Clamp}) {
+            AlphaTexture texture = AlphaTexture::fromUnorm8(width, height, codes.data(), 1, width);
+            texture.wrapU = texture.wrapV = wrap;
+            if (260000.0 * width < 0x1p24) {
+                EXPECT_EQ(bake(texture, wide, options).micromap.indices, std::vector<int32_t>{-2});
+            }
+            for (const double terms : {1.0, 1e12, 1e30}) {
+                BakeInput input{std::span(&texture, 1), small};
+                input.uvTerms = terms;
+                EXPECT_EQ(bake(std::span(&input, 1), options).micromap.indices, std::vector<int32_t>{-2});
+            }
+        }
+        // A margin that covers an outline leaves nothing known.
+        codes.back() = 0;
+        const AlphaTexture texture = AlphaTexture::fromUnorm8(width, height, codes.data(), 1, width);
+        BakeInput input{std::span(&texture, 1), small};
+        input.uvTerms = 1e30;
+        BakeOptions low = options;
+        low.level = 2;
+        const BakeResult unknown = bake(std::span(&input, 1), low);
+        EXPECT_EQ(unknown.statistics.states[0] + unknown.statistics.states[1], width * height == 1 ? 16u : 0u);
+    }
+}

@@ -22,8 +22,14 @@ public:
     [[nodiscard]] int64_t cells() const { return cells_; }
     // The texel of a padded row, -1 for the border.
     [[nodiscard]] int64_t padded(int64_t index) const;
-    // Padded texels in front of texel 0.
-    [[nodiscard]] int64_t lead() const { return lead_; }
+    // After that many cells the axis looks the same; 0 where the mode has no such number.
+    [[nodiscard]] int64_t period() const { return period_; }
+    // Returns whether the cells from `first` to `last` read all texels.
+    [[nodiscard]] bool spans(double first, double last) const
+    {
+        return period_ != 0 ? last - first >= static_cast<double>(period_)
+                            : first <= 0 && last >= static_cast<double>(size_);
+    }
 
     // Neighbouring cells of one direction: cell `i + n` is stored cell `first + n * step`, for n below `count`. A step
     // of -1 reads its texels mirrored; with step 0 all of them are one.

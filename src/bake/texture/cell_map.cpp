@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bake/texture/cell_map.h"
 
+#include <cassert>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -23,12 +24,12 @@ float atLeast(double value)
     return double{rounded} >= value ? rounded : std::nextafter(rounded, std::numeric_limits<float>::infinity());
 }
 
-constexpr size_t kTile = 64;       // cells along a side
-constexpr size_t kRow = kTile + 1; // the texels at their corners
+constexpr auto kSide = static_cast<size_t>(CellMap::kTile);
+constexpr size_t kRow = kSide + 1; // the texels at their corners
 
-constexpr std::array<uint64_t, kTile> repeated(uint64_t word)
+constexpr std::array<uint64_t, kSide> repeated(uint64_t word)
 {
-    std::array<uint64_t, kTile> words{};
+    std::array<uint64_t, kSide> words{};
     words.fill(word);
     return words;
 }
@@ -43,8 +44,9 @@ Range codesWhere(const std::array<float, 256> &values, Condition &&condition)
             continue;
         if (!range.any)
             range.first = static_cast<uint8_t>(code);
+        assert(code == size_t{range.first} + (code == range.first ? 0 : range.span + 1u));
         range.any = true;
-        range.count = static_cast<uint8_t>(code - range.first);
+        range.span = static_cast<uint8_t>(code - range.first);
     }
     return range;
 }
@@ -55,11 +57,11 @@ uint64_t within(const uint8_t *codes, const Range &range)
 {
     if (!range.any)
         return 0;
-    std::array<uint8_t, kTile> in;
-    for (size_t k = 0; k < kTile; ++k)
-        in[k] = static_cast<uint8_t>(codes[k] - range.first) <= range.count ? 1 : 0;
+    std::array<uint8_t, kSide> in;
+    for (size_t k = 0; k < kSide; ++k)
+        in[k] = static_cast<uint8_t>(codes[k] - range.first) <= range.span ? 1 : 0;
     uint64_t bits = 0;
-    for (size_t k = 0; k < kTile; k += 8) {
+    for (size_t k = 0; k < kSide; k += 8) {
         uint64_t eight;
         std::memcpy(&eight, &in[k], sizeof eight);
         // Gathers the lowest bits of eight bytes, the first byte's at bit 56.
@@ -83,7 +85,7 @@ struct CellMap::RowBits {
     void set(size_t k, bool isOpaque, bool isTransparent)
     {
         const auto put = [&](uint64_t &bits, bool &last, bool value) {
-            if (k == kTile)
+            if (k == kSide)
                 last = value;
             else
                 bits = (bits & ~(uint64_t{1} << k)) | uint64_t{value} << k;
@@ -102,8 +104,8 @@ struct CellMap::RowBits {
 CellMap::CellMap(const AlphaTexture &texture, const Thresholds &thresholds)
     : texture_(texture), axisX_(texture.width, texture.wrapU), axisY_(texture.height, texture.wrapV),
       opaqueFrom_(atLeast(thresholds.opaque)), transparentBelow_(atLeast(thresholds.transparent)),
-      tileColumns_((static_cast<size_t>(axisX_.cells()) + kTile - 1) / kTile),
-      tileRows_((static_cast<size_t>(axisY_.cells()) + kTile - 1) / kTile), tiles_(tileColumns_ * tileRows_)
+      tileColumns_((static_cast<size_t>(axisX_.cells()) + kSide - 1) / kSide),
+      tileRows_((static_cast<size_t>(axisY_.cells()) + kSide - 1) / kSide), tiles_(tileColumns_ * tileRows_)
 {
     const auto paddedTexels = [](const Axis &axis) {
         std::vector<int32_t> texels(static_cast<size_t>(axis.cells()) + 1);
@@ -151,7 +153,7 @@ CellMap::RowBits CellMap::readRow(size_t firstColumn, int64_t row) const
         const uint8_t *codes = gathered.data();
         const uint8_t *from = texture_.codes.first + first;
         // Most tiles are whole ones, of neighbouring columns.
-        if (count == kRow && columns[0] >= 0 && columns[kTile] - columns[0] == static_cast<int32_t>(kTile)) {
+        if (count == kRow && columns[0] >= 0 && columns[kSide] - columns[0] == static_cast<int32_t>(kSide)) {
             from += static_cast<size_t>(columns[0]) * stride;
             if (stride == 1)
                 codes = from;
@@ -167,8 +169,8 @@ CellMap::RowBits CellMap::readRow(size_t firstColumn, int64_t row) const
         }
         bits.opaque = within(codes, opaqueCodes_);
         bits.transparent = within(codes, transparentCodes_);
-        const float last = texture_.codes.values[codes[kTile]];
-        bits.set(kTile, isOpaque(last), isTransparent(last));
+        const float last = texture_.codes.values[codes[kSide]];
+        bits.set(kSide, isOpaque(last), isTransparent(last));
     } else if (row >= 0) {
         std::array<float, kRow> values{};
         for (size_t k = 0; k < count; ++k)
@@ -176,12 +178,12 @@ CellMap::RowBits CellMap::readRow(size_t firstColumn, int64_t row) const
         // Infinities are neither.
         const Float4 most(std::numeric_limits<float>::max());
         const Float4 least(-std::numeric_limits<float>::max());
-        for (size_t k = 0; k < kTile; k += 4) {
+        for (size_t k = 0; k < kSide; k += 4) {
             const Float4 v = Float4::load(&values[k]);
             bits.opaque |= uint64_t{atLeast(v, Float4(opaqueFrom_)) & atLeast(most, v)} << k;
             bits.transparent |= uint64_t{below(v, Float4(transparentBelow_)) & atLeast(v, least)} << k;
         }
-        bits.set(kTile, isOpaque(values[kTile]), isTransparent(values[kTile]));
+        bits.set(kSide, isOpaque(values[kSide]), isTransparent(values[kSide]));
     }
     for (size_t k = 0; k < count && (row < 0 || texture_.wrapU == Wrap::Border); ++k)
         if (row < 0 || columns[k] < 0)
@@ -191,13 +193,13 @@ CellMap::RowBits CellMap::readRow(size_t firstColumn, int64_t row) const
 
 const CellMap::Tile &CellMap::makeTile(size_t column, size_t row) const
 {
-    const size_t columns = std::min(kTile, static_cast<size_t>(axisX_.cells()) - column * kTile);
-    const size_t rows = std::min(kTile, static_cast<size_t>(axisY_.cells()) - row * kTile);
-    const uint64_t cells = ~uint64_t{0} >> (kTile - columns);
+    const size_t columns = std::min(kSide, static_cast<size_t>(axisX_.cells()) - column * kSide);
+    const size_t rows = std::min(kSide, static_cast<size_t>(axisY_.cells()) - row * kSide);
+    const uint64_t cells = ~uint64_t{0} >> (kSide - columns);
     Tile tile{};
-    RowBits upper = readRow(column * kTile, rows_[row * kTile]);
+    RowBits upper = readRow(column * kSide, rows_[row * kSide]);
     for (size_t y = 0; y < rows; ++y) {
-        const RowBits lower = readRow(column * kTile, rows_[row * kTile + y + 1]);
+        const RowBits lower = readRow(column * kSide, rows_[row * kSide + y + 1]);
         tile.opaque[y] = upper.opaquePairs() & lower.opaquePairs();
         tile.mixed[y] = ~(tile.opaque[y] | (upper.transparentPairs() & lower.transparentPairs())) & cells;
         tile.mixedColumns |= tile.mixed[y];
@@ -216,13 +218,11 @@ const CellMap::Tile &CellMap::makeTile(size_t column, size_t row) const
 
 bool CellMap::anyMixedIn(int64_t first, int64_t last) const
 {
-    const auto bits = [this](int64_t word) {
-        uint64_t mixed = 0;
-        for (size_t row = 0; row < tileRows_; ++row)
-            mixed |= tile(static_cast<size_t>(word), row).mixedColumns;
-        return mixed;
-    };
-    return scan(bits, first, last, [](int64_t, int64_t, bool) { return true; });
+    for (size_t row = 0; row < tileRows_; ++row)
+        if (scan([&](int64_t word) { return tile(static_cast<size_t>(word), row).mixedColumns; }, first, last,
+                 [](int64_t, int64_t, bool) { return true; }))
+            return true;
+    return false;
 }
 
 void CellMap::copy(int64_t x, int64_t y, size_t columns, size_t rows, float *to, size_t pitch) const
@@ -258,10 +258,10 @@ int CellMap::side(int64_t x, int64_t y) const
 {
     const auto column = static_cast<size_t>(axisX_.run(x, x).first);
     const auto row = static_cast<size_t>(axisY_.run(y, y).first);
-    const Tile &found = tile(column / kTile, row / kTile);
-    if ((found.mixed[row % kTile] >> (column % kTile) & 1) != 0)
+    const Tile &found = tile(column / kSide, row / kSide);
+    if ((found.mixed[row % kSide] >> (column % kSide) & 1) != 0)
         return -1;
-    return static_cast<int>(found.opaque[row % kTile] >> (column % kTile) & 1);
+    return static_cast<int>(found.opaque[row % kSide] >> (column % kSide) & 1);
 }
 
 } // namespace vellum

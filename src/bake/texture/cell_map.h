@@ -5,8 +5,8 @@
 // In a cell whose four texels are on one side of the cutoff the filtered value stays there, whatever the filter. Only
 // the other cells, the mixed ones, need closer examination, and they are few: the outlines of leaves.
 //
-// The bits are made in tiles of 64 x 64 cells, each when it is first needed: a texel that no triangle comes near is
-// never read.
+// The bits are made in tiles of 64 x 64 cells, each when it is first needed: of textures of 8 bits, a texel that no
+// triangle comes near is never read.
 #pragma once
 
 #include <algorithm>
@@ -42,6 +42,8 @@ struct Cell {
 class CellMap
 {
 public:
+    static constexpr int64_t kTile = 64; // cells along a side
+
     // `texture` must outlive the map.
     CellMap(const AlphaTexture &texture, const Thresholds &thresholds);
     ~CellMap();
@@ -101,18 +103,18 @@ public:
         const Rows rows = rowsOf(row);
         const auto stored = static_cast<size_t>(row.first);
         return scan(
-            [&](int64_t word) { return tile(static_cast<size_t>(word), stored / 64).mixed[stored % 64]; }, first, last,
-            [&](int64_t x, int64_t column, bool mirrored) { return sink(place(x, y, column, mirrored, rows)); });
+            [&](int64_t word) { return tile(static_cast<size_t>(word), stored / kTile).mixed[stored % kTile]; }, first,
+            last, [&](int64_t x, int64_t column, bool mirrored) { return sink(place(x, y, column, mirrored, rows)); });
     }
     // Returns false where no cell of the columns from `first` to `last` is mixed. Reads all their texels: for what
     // covers all rows.
     [[nodiscard]] bool anyMixedIn(int64_t first, int64_t last) const;
 
 private:
-    // The bits of 64 x 64 stored cells, a word for each row.
+    // The bits of stored cells, a word for each row.
     struct Tile {
-        std::array<uint64_t, 64> mixed;
-        std::array<uint64_t, 64> opaque;
+        std::array<uint64_t, kTile> mixed;
+        std::array<uint64_t, kTile> opaque;
         uint64_t mixedColumns; // a bit for each column with a mixed cell
     };
     static const Tile kOpaque;
@@ -120,7 +122,7 @@ private:
     // An interval of codes.
     struct CodeRange {
         uint8_t first = 0;
-        uint8_t count = 0; // after the first
+        uint8_t span = 0; // from the first to the last
         bool any = false;
     };
     struct RowBits;
@@ -143,7 +145,7 @@ private:
         const auto at = static_cast<size_t>(stored);
         return {x, y, columns_[mirrored ? at + 1 : at], columns_[mirrored ? at : at + 1], rows.upper, rows.lower};
     }
-    // The tile with the stored cells (64 * column, 64 * row) to (64 * column + 63, 64 * row + 63).
+    // The tile whose first stored cell is (kTile * column, kTile * row).
     [[nodiscard]] const Tile &tile(size_t column, size_t row) const
     {
         const Tile *tile = tiles_[row * tileColumns_ + column].load(std::memory_order_acquire);
@@ -153,7 +155,7 @@ private:
     [[nodiscard]] RowBits readRow(size_t firstColumn, int64_t row) const;
     // Calls `sink` with the position from `first` to `last` of each bit that is set, with its stored column, and
     // whether it is mirrored, until it returns true; returns whether it did. bits(i): those of the stored columns from
-    // 64 * i on.
+    // i * kTile on.
     template <typename Bits, typename Sink>
     bool scan(Bits &&bits, int64_t first, int64_t last, Sink &&sink) const;
 
@@ -175,10 +177,14 @@ private:
 template <typename Bits, typename Sink>
 bool CellMap::scan(Bits &&bits, int64_t first, int64_t last, Sink &&sink) const
 {
+    bool any = false;
     for (int64_t x = first; x <= last;) {
+        // All the rest is like what was seen.
+        if (!any && axisX_.period() != 0 && x - first >= axisX_.period())
+            return false;
         const Axis::Run run = axisX_.run(x, last);
         if (run.step == 0) {
-            if ((bits(run.first / 64) >> (run.first % 64) & 1) != 0)
+            if ((bits(run.first / kTile) >> (run.first % kTile) & 1) != 0)
                 for (int64_t i = 0; i < run.count; ++i)
                     if (sink(x + i, run.first, false))
                         return true;
@@ -187,14 +193,15 @@ bool CellMap::scan(Bits &&bits, int64_t first, int64_t last, Sink &&sink) const
         }
         const int64_t low = run.step > 0 ? run.first : run.first - run.count + 1;
         const int64_t high = low + run.count - 1;
-        for (int64_t word = low / 64; word <= high / 64; ++word) {
+        for (int64_t word = low / kTile; word <= high / kTile; ++word) {
             uint64_t set = bits(word);
-            if (word == low / 64)
-                set &= ~uint64_t{0} << (low % 64);
-            if (word == high / 64)
-                set &= ~uint64_t{0} >> (63 - high % 64);
+            if (word == low / kTile)
+                set &= ~uint64_t{0} << (low % kTile);
+            if (word == high / kTile)
+                set &= ~uint64_t{0} >> (kTile - 1 - high % kTile);
+            any = any || set != 0;
             for (; set != 0; set &= set - 1) {
-                const int64_t stored = word * 64 + std::countr_zero(set);
+                const int64_t stored = word * kTile + std::countr_zero(set);
                 const bool mirrored = run.step < 0;
                 const int64_t at = x + (mirrored ? run.first - stored : stored - run.first);
                 if (sink(at, stored, mirrored))
