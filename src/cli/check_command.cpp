@@ -162,8 +162,8 @@ int printGroups(bool asJson)
         return static_cast<int>(ExitCode::Success);
     }
     for (const check::Group &group : check::groups())
-        fmt::print("{} ({} cases, {} of them in a quick run)\n  {}\n  {}\n", group.name, group.cases,
-                   group.quickCases(), group.summary, group.sentences);
+        fmt::print("{} ({} cases of each extension, {} of them with --quick)\n  {}\n  Checks: {}\n", group.name,
+                   group.cases, group.quickCases(), group.summary, group.sentences);
     return static_cast<int>(ExitCode::Success);
 }
 

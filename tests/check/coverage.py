@@ -22,11 +22,11 @@ import tempfile
 HERE = pathlib.Path(__file__).resolve().parent
 HEAD = """# Values that vellum check gives
 
-Which group of [`vellum check`](check.md) gives which values to each member of the structures, and each parameter of the
+Which group of [`vellum check`](../check.md) gives which values to each member of the structures, and each parameter of the
 commands, of `VK_EXT_opacity_micromap`, `VK_KHR_opacity_micromap`, `VK_KHR_acceleration_structure`,
 `VK_KHR_ray_tracing_pipeline` and queries, recorded during `vellum check --quick` on lavapipe. Structures that devices fill in
 are not listed. Written by `tests/check/coverage.py --write`; the test `check.coverage` fails if a member or an enumerant stops
-varying, or a new one appears in Vulkan's headers, and [not_varied.txt](../tests/check/not_varied.txt) has no reason for it.
+varying, or a new one appears in Vulkan's headers, and [not_varied.txt](../../tests/check/not_varied.txt) has no reason for it.
 
 Numbers above 8 are shown as powers of two; addresses by their alignment, up to 256.
 """

@@ -80,7 +80,8 @@ with tempfile.TemporaryDirectory() as name:
     assert report("check", "--list")["cases"] == listed
     groups = subprocess.run([VELLUM, "check", "--groups"], capture_output=True, text=True, check=True).stdout
     for group in report("check", "--groups")["groups"]:
-        printed = "{group} ({cases} cases, {quick} of them in a quick run)\n  {summary}\n  {sentences}\n".format(**group)
+        printed = ("{group} ({cases} cases of each extension, {quick} of them with --quick)\n  {summary}\n"
+                   "  Checks: {sentences}\n").format(**group)
         assert printed in groups, group
         groups = groups.replace(printed, "")
     assert not groups

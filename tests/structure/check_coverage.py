@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Checks docs/coverage.md against the registry and the tests, and prints what differs:
+"""Checks docs/design/coverage.md against the registry and the tests, and prints what differs:
 
 - every command, type and value that the registry (vk.xml) has for the extensions is on the page;
 - every test that the page names exists. Names are suite and case; one that begins with a dot belongs to the suite before
@@ -15,7 +15,7 @@ import xml.etree.ElementTree as ElementTree
 
 import findings
 
-PAGE = "docs/coverage.md"
+PAGE = "docs/design/coverage.md"
 RULES = "docs/validation.md"
 HEADER = "include/vellum/vulkan_opacity_micromap.h"
 EXTENSIONS = ("VK_EXT_opacity_micromap", "VK_KHR_opacity_micromap", "VK_ARM_pipeline_opacity_micromap",

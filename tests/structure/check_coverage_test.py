@@ -34,7 +34,7 @@ RULES = "By the page of coverage.\n"
 def run(page=PAGE, tests=TESTS, header=HEADER, rules=RULES):
     with tempfile.TemporaryDirectory() as folder:
         root = pathlib.Path(folder)
-        for name, text in {"docs/coverage.md": page, "vk.xml": REGISTRY, "tests/layer/some_test.cpp": tests,
+        for name, text in {"docs/design/coverage.md": page, "vk.xml": REGISTRY, "tests/layer/some_test.cpp": tests,
                            "include/vellum/vulkan_opacity_micromap.h": header, "docs/validation.md": rules}.items():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
             (root / name).write_text(text, encoding="utf-8")
@@ -59,7 +59,7 @@ class CheckCoverage(unittest.TestCase):
         self.expect_finding("nothing about VK_ONE_BIT_EXT\n", page=PAGE.replace("VK_ONE_EXT", "VK_ONES"))
 
     def test_versions(self):
-        self.expect_finding("version is ['1.4.299'], in docs/coverage.md 1.4.300\n", header=HEADER.replace("300", "299"))
+        self.expect_finding("version is ['1.4.299'], in docs/design/coverage.md 1.4.300\n", header=HEADER.replace("300", "299"))
         self.expect_finding("states the registry's version 1.4.301", rules="Those of Vulkan 1.4.301.\n")
 
     def test_missing_tests(self):

@@ -59,7 +59,7 @@ TEST_F(CheckSelection, Groups)
     const Outcome groups = runVellum({"check", "--groups"});
     EXPECT_EQ(groups.exitCode, 0);
     EXPECT_EQ(groups.output.substr(0, groups.output.find("bad")),
-              "good (5 cases, 3 of them in a quick run)\n  Passes\n  Section 1\n");
+              "good (5 cases of each extension, 3 of them with --quick)\n  Passes\n  Checks: Section 1\n");
 }
 
 TEST_F(CheckSelection, ExtensionsOfTheDevice)
