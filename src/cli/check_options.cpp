@@ -78,7 +78,8 @@ void declareSelection(CLI::App &command, CheckOptions &options)
     command.add_option("--replay", options.replay, "Run the case of this file, which an earlier run wrote")
         ->type_name("FILE");
     command.add_flag("--list", options.list, "Print the names of the cases instead of running them");
-    command.add_flag("--groups", options.groups, "Print which sentences of the specification each group tests; run none");
+    command.add_flag("--groups", options.groups,
+                     "Print which sentences of the specification each group tests; run none");
 }
 
 void declareOutput(CLI::App &command, CheckOptions &options)
