@@ -16,7 +16,7 @@ import xml.etree.ElementTree as ElementTree
 import findings
 
 PAGE = "docs/design/coverage.md"
-RULES = "docs/validation.md"
+RULES = "docs/messages.md"
 HEADER = "include/vellum/vulkan_opacity_micromap.h"
 EXTENSIONS = ("VK_EXT_opacity_micromap", "VK_KHR_opacity_micromap", "VK_ARM_pipeline_opacity_micromap",
               "VK_KHR_device_address_commands")

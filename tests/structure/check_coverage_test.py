@@ -35,7 +35,7 @@ def run(page=PAGE, tests=TESTS, header=HEADER, rules=RULES):
     with tempfile.TemporaryDirectory() as folder:
         root = pathlib.Path(folder)
         for name, text in {"docs/design/coverage.md": page, "vk.xml": REGISTRY, "tests/layer/some_test.cpp": tests,
-                           "include/vellum/vulkan_opacity_micromap.h": header, "docs/validation.md": rules}.items():
+                           "include/vellum/vulkan_opacity_micromap.h": header, "docs/messages.md": rules}.items():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
             (root / name).write_text(text, encoding="utf-8")
         result = subprocess.run([sys.executable, str(CHECK), str(root / "vk.xml"), folder], stdout=subprocess.PIPE,

@@ -1,22 +1,26 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Checks that docs/messages.md has every message of the layer once, with its severity, and prints what is wrong.
+"""Checks that src/layer/messages.csv has the cause of every message of the layer, with its severity, and prints what is wrong.
 
-A message is known by its id, a string in src/layer that begins with VELLUM- or VUID-. On the page, an item of a list has the
-ids of one cause in backticks, their severity in bold, and words. Rows of rules state their severity (ROW), and those that
-only validation reports are no items, as are ids in src/layer/validation. Where the id is an argument of a function that
-sends it (SEVERITIES), the severity is known as well; where it is passed on first, the page's counts. check_rules.py writes the
-table of the rules that only validation reports.
-With --write, ids that are gone are removed, severities are corrected, and new ids get items, which lack their words.
+A message is known by its id, a string in src/layer that begins with VELLUM- or VUID-. A row of the table has the ids of one
+cause, in which "*" stands for any text, their severity, the cause and the cure; for ids of the layer's own also the part of
+the setting `validate` that finds them. An id belongs to the row that has it in full, or to the one row with a pattern for it.
+Rows of src/layer/rules state their severity (ROW); what only validation reports is an error. Where the id is an argument of a
+function that sends it (SEVERITIES), the severity is known as well; where it is passed on first, the table's counts.
+check_rules.py writes the page from the table.
+With --write, ids that are gone are removed, severities are corrected, and new ids get rows, which lack their words.
 
 usage: check_messages.py [--write] [ROOT]
 """
+import csv
+import fnmatch
+import io
 import re
-import textwrap
 
 import findings
 
-PAGE = "docs/messages.md"
+TABLE = "src/layer/messages.csv"
+COLUMNS = ["ids", "severity", "part", "cause", "cure"]
 COMMENT = re.compile(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*')
 # A string that the formatter has split.
 SEAM = re.compile(r'"\s*\n\s*"')
@@ -34,11 +38,9 @@ VALIDATED = re.compile(r"\.alignmentId =\s*$")
 OF_ROWS = {"Tolerate": "warning", "Reject": "error", "Depends": None}
 CALL = re.compile(r"(\w+)\s*$")
 BOTH = "warning or error"
-ITEM = re.compile(r"^- .*\n(?:  .*\n)*", re.M)
-LISTED = re.compile(r"`(VELLUM-[A-Za-z0-9_-]+)`")
-LEVEL = re.compile(rf"\*\*({BOTH}|error|warning|info)\*\*")
 SEVERITIES = {"reject": "error", "error": "error", "tolerate": "warning", "tolerates": "warning", "warning": "warning",
               "tolerateIf": BOTH, "info": "info"}
+PARTS = ("", "core", "gpu", "sync")
 
 
 def caller(code, end):
@@ -77,12 +79,13 @@ def rows(root):
 
 
 def messages(root):
-    """Ids, each with where it is and the severities that are known."""
+    """Ids of what is reported without validation, each with where it is and the severities that are known."""
     ids, of_rows = {}, rows(root)
     for path, code in sources(root):
         validates = "validation" in path.parts
         for string in STRING.finditer(code):
             for name in ID.findall(string[1]) + ([] if validates else NUMBERED.findall(string[1])):
+                name = name.removeprefix("VELLUM-") if name.startswith("VELLUM-VUID-") else name
                 if name not in of_rows and not VALIDATED.search(code[:string.start()]):
                     where, severities = ids.setdefault(name, (path, set()))
                     severities.add(SEVERITIES.get(caller(code, string.start())))
@@ -110,57 +113,59 @@ def sent(name):
     return f"VELLUM-{name}" if name.startswith("VUID") else name
 
 
-def items_of(page):
-    """Each item that lists messages, as it stands there, with its ids, severity and words."""
-    items = []
-    for match in ITEM.finditer(page):
-        ids, level = LISTED.findall(match[0]), LEVEL.search(match[0])
-        if ids and level:
-            words = re.sub(r"[\s,-]+", " ", LISTED.sub("", LEVEL.sub("", match[0]))).strip()
-            items.append((match[0], ids, level[1], words))
-    return items
+def table(root):
+    with open(root / TABLE, newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
 
 
-def updated(page, ids):
-    known = {sent(name): severity(severities) for name, (_, severities) in ids.items()}
-    for item, names, level, _ in items_of(page):
-        left = [name for name in names if name in known]
-        text = item
-        for name in set(names) - set(left):
-            text = re.sub(rf",\s*`{name}`|`{name}`,?\s*", "", text)
-        levels = {known[name] for name in left} - {None}
-        if len(levels) == 1:
-            text = text.replace(f"**{level}**", f"**{levels.pop()}**")
-        filled = textwrap.fill(" ".join(text.split()), 120, subsequent_indent="  ", break_long_words=False,
-                               break_on_hyphens=False) + "\n"
-        if text != item:
-            page = page.replace(item, filled if left else "")
-    there = {name for _, names, _, _ in items_of(page) for name in names}
-    return page + "".join(f"- `{name}` **{known[name]}**\n" for name in sorted(known.keys() - there))
+def causes_of(name, causes):
+    """The rows for an id, of which there should be one."""
+    exact = [row for row in causes if name in row["ids"].split()]
+    return exact or [row for row in causes
+                     if any("*" in each and fnmatch.fnmatchcase(name, each) for each in row["ids"].split())]
+
+
+def updated(causes, ids):
+    """The table with severities as in the code, without ids that are gone, with rows for new ones. Patterns stay."""
+    known = {name: severity(severities) for name, (_, severities) in ids.items()}
+    result = []
+    for row in causes:
+        names = row["ids"].split()
+        left = [name for name in names if "*" in name or name.startswith("VUID") or name in known]
+        levels = {known[name] for name in known if row in causes_of(name, causes)} - {None}
+        if left:
+            result.append({**row, "ids": " ".join(left), "severity": levels.pop() if len(levels) == 1 else row["severity"]})
+    return result + [{"ids": name, "severity": known[name], "part": "", "cause": "", "cure": ""}
+                     for name in sorted(known) if not causes_of(name, causes)]
 
 
 def write(root):
-    page = root / PAGE
-    page.write_text(updated(page.read_text(encoding="utf-8"), messages(root)), encoding="utf-8")
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(updated(table(root), messages(root)))
+    (root / TABLE).write_text(text.getvalue(), encoding="utf-8")
 
 
 def check(root):
-    items = items_of((root / PAGE).read_text(encoding="utf-8"))
-    ids = messages(root)
-    names = [name for _, listed, _, _ in items for name in listed]
+    causes, ids = table(root), messages(root)
     found = [f"{path}: {name} is put together at run time, and cannot be looked up"
              for name, (path, _) in ids.items() if name.endswith("-")]
-    known = {sent(name): where for name, where in ids.items() if not name.endswith("-")}
-    found += [f"{path}: {name} is not in {PAGE}" for name, (path, _) in sorted(known.items()) if name not in names]
-    found += [f"{PAGE}: there is no message {name}" for name in sorted(set(names) - known.keys())]
-    found += [f"{PAGE}: {name} is there {names.count(name)} times" for name in sorted(set(names)) if names.count(name) > 1]
-    for _, listed, level, words in items:
-        for name in listed:
-            in_code = severity(known[name][1]) if name in known else None
-            if in_code and level != in_code:
-                found.append(f"{PAGE}: {name} is \"{level}\", in the code \"{in_code}\"")
-        if not words:
-            found.append(f"{PAGE}: {listed[0]} has no words")
+    known = {name: where for name, where in ids.items() if not name.endswith("-")}
+    for name, (path, severities) in sorted(known.items()):
+        of_name = causes_of(name, causes)
+        if not of_name:
+            found.append(f"{path}: {name} is not in {TABLE}")
+        elif len(of_name) > 1:
+            found.append(f"{TABLE}: {name} has {len(of_name)} causes")
+        elif severity(severities) not in (None, of_name[0]["severity"]):
+            found.append(f"{TABLE}: {name} is \"{of_name[0]['severity']}\", in the code \"{severity(severities)}\"")
+    for row in causes:
+        found += [f"{TABLE}: there is no message {name}" for name in row["ids"].split()
+                  if name.startswith("VELLUM-") and name not in known]
+        found += [f"{TABLE}: {row['ids'].split()[0]} has no {column}" for column in ("cause", "cure") if not row[column]]
+        if row["part"] not in PARTS:
+            found.append(f"{TABLE}: {row['ids'].split()[0]}: part is {row['part']}")
     return found, len(known)
 
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Checks the table of rules, src/layer/validation/rules.csv, and what is generated from it: in docs/validation.md the totals and
-the rules that are not checked, in docs/messages.md those that only validation reports:
+"""Checks the table of rules, src/layer/validation/rules.csv, and what is generated from it and from src/layer/messages.csv in
+docs/messages.md: a row for the full id of each message, the rules that are not checked, and totals:
 
 - every numbered rule (VUID) that the registry has for these extensions has a row: the rules of their commands and
   structures, those that name a micromap, and those of address ranges;
@@ -10,9 +10,10 @@ the rules that are not checked, in docs/messages.md those that only validation r
   Where src/layer has only the end of an id ("micromap-11636"), one command with a test stands for all;
 - every rule that src/layer names has a row, which does not call it impossible, and its id is stated once;
 - "without" is what the row of src/layer/rules does with a command that breaks the rule;
+- each message has one cause in messages.csv, where each id and pattern is that of a message;
 - columns have words that are known.
 
-With --write, the tables of the pages are written anew, rows get the tests that name their id, and those without code or
+With --write, the tables of the page are written anew, rows get the tests that name their id, and those without code or
 test become open.
 
 usage: check_rules.py [--write] [VALIDUSAGE [ROOT]]
@@ -35,8 +36,10 @@ CODE = "src/layer"
 VALIDATION = ("src/layer/validation", "src/layer/rules") # rows of rules are evaluated by validation as well
 PROGRAMS = "tests/validation"
 SUITE = "WrongPrograms"
-PAGE = "docs/validation.md"
-MESSAGES = check_messages.PAGE
+PAGE = "docs/messages.md"
+CAUSES = check_messages.TABLE
+# The commands of which the state of the command buffer is checked, and a row of them.
+COMMANDS, COMMAND = "src/layer/validation/rules/implicit_rules.h", re.compile(r'\{"(vkCmd\w+)", ')
 COLUMNS = ["vuid", "extension", "where", "how", "without", "test"]
 MICROMAP = ("VK_EXT_opacity_micromap", "VK_KHR_opacity_micromap", "VK_ARM_pipeline_opacity_micromap")
 RANGES = "VK_KHR_device_address_commands"
@@ -54,6 +57,7 @@ PARTS = {"host": "core", "gpu": "gpu", "sync": "sync", "shader": "gpu"} # of the
 CHECKED = tuple(PARTS)
 WITHOUT = ("rejected", "tolerated", "tolerated or rejected", "works", "ignored", "passed on", "hidden", "undefined",
            "impossible")
+OF_SEVERITY = {"error": "rejected", "warning": "tolerated", check_messages.BOTH: "tolerated or rejected"}
 NUMBERED = re.compile(r"^VUID-(\w+)-(?:.*-)?(\d{5})$")
 # Rules of other extensions that have micromaps.
 OTHERS = re.compile("DisplacementMicromapNV|Cluster|-0799[678]$|-08701$")
@@ -237,15 +241,68 @@ def table_of_unchecked(rows, names, everywhere):
     return "\n".join(lines) + "\n"
 
 
-def table_of_messages(rows, items):
-    """Rules that are checked, except those that have an item."""
-    listed = {name for _, listed, _, _ in items for name in listed}
-    lines = ["| id | part | what is checked | without validation |", "|---|---|---|---|"]
-    for row in rows:
-        name = check_messages.sent(row["vuid"])
-        if row["where"] in PARTS and name not in listed:
-            lines.append(line_of(f"`{name}`", PARTS[row["where"]], row["how"], row["without"]))
+def full_ids(row, names, commands):
+    """The ids that messages of a rule have. In the table of rules, "*" stands for the command or structure."""
+    if "*" not in row["vuid"]:
+        return [row["vuid"]]
+    if row["vuid"] in names: # the code has the end of the id, after the command
+        return [row["vuid"].replace("*", command) for command in commands]
+    return sorted(name for name in names if fnmatch.fnmatchcase(name, row["vuid"]))
+
+
+def reported(root, rows, names):
+    """Each message: its id, the row of its rule (None: it has no VUID), and the part of validation that it needs."""
+    always = check_messages.messages(root)
+    code = root / COMMANDS
+    commands = sorted(COMMAND.findall(code.read_text(encoding="utf-8"))) if code.exists() else []
+    found = {name: (None, None) for name in always if not name.endswith("-")}
+    starred = [row for row in rows if "*" in row["vuid"]]
+    for row in starred + [row for row in rows if "*" not in row["vuid"]]:
+        if row["where"] in PARTS:
+            found.update({name: (row, "" if name in always else PARTS[row["where"]])
+                          for name in full_ids(row, names, commands)})
+    for name, (row, _) in found.items(): # draws of meshes are in no registry
+        if row is None and OF_MESHES.search(name):
+            found[name] = (next(other for other in rows if other["vuid"].endswith(name[-6:])), "")
+    return found
+
+
+def cells_of(name, part, causes):
+    row = (check_messages.causes_of(name, causes) or [{"severity": "", "part": "", "cause": "", "cure": ""}])[0]
+    severity = "error" if part else row["severity"] # what only validation reports
+    return f"`{check_messages.sent(name)}`", severity, part or row["part"] or "always", row["cause"], row["cure"]
+
+
+def table_of_own(messages, causes):
+    lines = ["| id | severity | checked | cause | cure |", "|---|---|---|---|---|"]
+    lines += [line_of(*cells_of(name, "", causes)) for name, (row, _) in sorted(messages.items()) if row is None]
     return "\n".join(lines) + "\n"
+
+
+def effect_of(row, cells):
+    """What happens to the command. The implementation reports single ids of a rule with "*", and does more for those."""
+    severity, checked = cells[1:3]
+    return OF_SEVERITY[severity] if "*" in row["vuid"] and checked == "always" else row["without"]
+
+
+def table_of_rules(messages, causes):
+    lines = ["| id | severity | checked | cause | cure | the command |", "|---|---|---|---|---|---|"]
+    for name, (row, part) in sorted(messages.items()):
+        if row is not None:
+            cells = cells_of(name, part, causes)
+            lines.append(line_of(*cells, effect_of(row, cells)))
+    return "\n".join(lines) + "\n"
+
+
+def wrong_causes(messages, causes):
+    for name in sorted(messages):
+        count = len(check_messages.causes_of(name, causes))
+        if count != 1:
+            yield f"{name} has {count} causes"
+    for row in causes:
+        for name in row["ids"].split():
+            if not any(fnmatch.fnmatchcase(other, name) for other in messages):
+                yield f"there is no message {name}"
 
 
 def between(page, name, text):
@@ -255,14 +312,15 @@ def between(page, name, text):
     return before + begin + text + end + rest.split(end)[1]
 
 
-def pages(root, rows):
-    """The pages, each as it is and as it should be."""
+def page_of(root, rows):
+    """The page as it is and as it should be."""
     names, everywhere = in_code(root / CODE), set().union(*(in_code(root / part) for part in VALIDATION))
-    found = {page: (root / page).read_text(encoding="utf-8") for page in (PAGE, MESSAGES)}
-    about = between(found[PAGE], "totals", totals(rows, names, everywhere))
-    about = between(about, "rules", table_of_unchecked(rows, names, everywhere))
-    messages = between(found[MESSAGES], "rules", table_of_messages(rows, check_messages.items_of(found[MESSAGES])))
-    return {PAGE: (found[PAGE], about), MESSAGES: (found[MESSAGES], messages)}
+    messages, causes = reported(root, rows, names), check_messages.table(root)
+    text = (root / PAGE).read_text(encoding="utf-8")
+    new = between(text, "own", table_of_own(messages, causes))
+    new = between(new, "rules", table_of_rules(messages, causes))
+    new = between(new, "unchecked", table_of_unchecked(rows, names, everywhere))
+    return text, between(new, "totals", totals(rows, names, everywhere))
 
 
 def write(root):
@@ -277,8 +335,7 @@ def write(root):
     writer.writeheader()
     writer.writerows(sorted(rows, key=lambda row: row["vuid"]))
     (root / TABLE).write_text(text.getvalue(), encoding="utf-8")
-    for page, (_, text) in pages(root, rows).items():
-        (root / page).write_text(text, encoding="utf-8")
+    (root / PAGE).write_text(page_of(root, rows)[1], encoding="utf-8")
 
 
 def check(registry, root):
@@ -292,8 +349,10 @@ def check(registry, root):
               and not any(fnmatch.fnmatchcase(name, vuid) or fnmatch.fnmatchcase(vuid, name) for vuid in vuids)]
     found += [f"{TABLE}: {line}" for line in wrong_severities(rows, check_messages.rows(root))]
     found += [f"src/layer: {name} is stated twice" for name in stated_twice(root)]
-    found += [f"{page}: the tables are stale; run tests/structure/check_rules.py --write"
-              for page, (text, wanted) in pages(root, rows).items() if text != wanted]
+    found += [f"{CAUSES}: {line}" for line in wrong_causes(reported(root, rows, names), check_messages.table(root))]
+    text, wanted = page_of(root, rows)
+    if text != wanted:
+        found.append(f"{PAGE}: the tables are stale; run tests/structure/check_rules.py --write")
     print(f"{sum(is_open(row, names) for row in rows)} rules are open")
     return found, len(rows)
 

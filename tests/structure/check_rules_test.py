@@ -27,11 +27,14 @@ VUID-vkMapEXT-a-00001,VK_EXT_opacity_micromap,gpu,data,works: all,Suite.Ca*
 VUID-vkOld-micromap-00004,VK_EXT_opacity_micromap,open,order,undefined,
 VUID-vkRangeKHR-b-00002,VK_KHR_device_address_commands,impossible,only the driver knows,ignored,
 """
-CODE = 'say("VELLUM-VUID-vkMapEXT-"\n    "a-00001"); say("VELLUM-VUID-vkMapEXT-a-parameter"); // VUID-vkRangeKHR-b-00002\n'
+CODE = 'say("VUID-vkMapEXT-"\n    "a-00001"); say("VUID-vkMapEXT-a-parameter"); // VUID-vkRangeKHR-b-00002\n'
 PROGRAMS = 'constexpr WrongProgram kPrograms[] = {{"VUID-vkRangeKHR-b-00002", run}};\n'
 TESTS = 'TEST(Suite, Case)\n{\n    expect("VELLUM-VUID-vkOld-micromap-00004");\n}\n'
-PAGE = "# Page\n<!-- begin totals -->\n<!-- end totals -->\n<!-- begin rules -->\n<!-- end rules -->\n"
-MESSAGES = "- `VELLUM-VUID-vkListed-c-00003` **error** Words.\n<!-- begin rules -->\n<!-- end rules -->\n"
+PAGE = "# Page\n" + "".join(f"<!-- begin {name} -->\n<!-- end {name} -->\n" for name in ("own", "rules", "unchecked", "totals"))
+CAUSES = """ids,severity,part,cause,cure
+VUID-*-parameter,error,,A handle is null.,Pass an object.
+VUID-*-00001 VUID-*-micromap-00004,error,,Wrong data.,Correct it.
+"""
 
 
 class CheckRules(unittest.TestCase):
@@ -45,8 +48,8 @@ class CheckRules(unittest.TestCase):
         self.put("src/layer/validation/some.cpp", CODE)
         self.put("tests/validation/some_test.cpp", TESTS)
         self.put("tests/validation/some_programs.cpp", PROGRAMS)
-        self.put("docs/validation.md", PAGE)
-        self.put("docs/messages.md", MESSAGES)
+        self.put("docs/messages.md", PAGE)
+        self.put("src/layer/messages.csv", CAUSES)
 
     def put(self, name, text):
         (self.root / name).parent.mkdir(parents=True, exist_ok=True)
@@ -81,29 +84,59 @@ class CheckRules(unittest.TestCase):
         self.expect_finding("VUID-vkMapEXT-a-00001: without is works: all, in src/layer/rules Reject", TABLE)
 
     def test_page_is_written(self):
+        self.put("src/layer/messages.csv", CAUSES.replace(" VUID-*-micromap-00004", ""))
         code, out = self.run_check("--write")
         self.assertEqual((code, out), (0, "1 rules are open\n\n0 findings in 4 rules\n"))
-        page = self.read("docs/validation.md")
-        self.assertIn("| `VUID-vkRangeKHR-b-00002` | only the driver knows | ignored |\n", page)
-        self.assertIn("| `VUID-vkOld-micromap-00004` | order | undefined |\n", page)
-        self.assertNotIn("vkMapEXT", page)
+        page = self.read("docs/messages.md")
+        unchecked = page[page.index("begin unchecked"):]
+        self.assertIn("| `VUID-vkRangeKHR-b-00002` | only the driver knows | ignored |\n", unchecked)
+        self.assertIn("| `VUID-vkOld-micromap-00004` | order | undefined |\n", unchecked)
+        self.assertNotIn("vkMapEXT", unchecked)
         self.assertIn("| gpu | 1 |", page)
         self.assertIn("| open | 1 |", page)
-        messages = self.read("docs/messages.md")
-        self.assertIn("| `VELLUM-VUID-vkMapEXT-a-00001` | gpu | data | works: all |\n", messages)
-        self.assertIn("| `VELLUM-VUID-*-parameter` | core | pointers | passed on |\n", messages)
-        self.assertNotIn("vkRangeKHR", messages)
+        rules = page[page.index("begin rules"):page.index("end rules")]
+        self.assertIn("| `VELLUM-VUID-vkMapEXT-a-00001` | error | gpu | Wrong data. | Correct it. | works: all |\n", rules)
+        self.assertIn("| `VELLUM-VUID-vkMapEXT-a-parameter` | error | core | A handle is null. | Pass an object. | passed on |\n",
+                      rules)
+        self.assertNotIn("vkRangeKHR", rules)
 
-    def test_rules_that_have_an_item(self):
-        self.put("docs/messages.md", MESSAGES.replace("vkListed-c-00003", "vkMapEXT-a-00001"))
+    def test_ids_that_are_put_together(self):
+        self.put("src/layer/validation/rules/implicit_rules.h", '{"vkCmdOne", kAll}, {"vkCmdTwo", kAll},')
+        self.put("src/layer/validation/rules/implicit_rules.cpp", 'say("-renderpass");\n')
+        self.put("src/layer/messages.csv", CAUSES + "VUID-*-renderpass,error,,Inside.,Record outside.\n")
+        self.put("src/layer/validation/rules.csv", TABLE + "VUID-*-renderpass,all,host,state,passed on,Suite.Case\n")
         self.run_check("--write")
-        self.assertEqual(self.read("docs/messages.md").count("vkMapEXT"), 1)
+        page = self.read("docs/messages.md")
+        for command in ("vkCmdOne", "vkCmdTwo"):
+            self.assertIn(f"| `VELLUM-VUID-{command}-renderpass` | error | core | Inside. | Record outside. | passed on |\n", page)
+
+    def test_messages_without_validation(self):
+        self.put("src/layer/micromaps/some.cpp", 'reject("VELLUM-own"); reject("VUID-vkMapEXT-b-parameter");\n')
+        self.put("src/layer/messages.csv", CAUSES + "VELLUM-own,error,,Words.,More words.\n")
+        self.run_check("--write")
+        page = self.read("docs/messages.md")
+        self.assertIn("| `VELLUM-own` | error | always | Words. | More words. |\n", page[:page.index("end own")])
+        self.assertIn("| `VELLUM-VUID-vkMapEXT-b-parameter` | error | always | A handle is null. | Pass an object. | rejected |\n",
+                      page)
+
+    def test_causes(self):
+        self.put("src/layer/messages.csv", CAUSES.replace("VUID-*-00001 ", ""))
+        self.expect_finding("messages.csv: VUID-vkMapEXT-a-00001 has 0 causes", TABLE)
+        self.put("src/layer/messages.csv", CAUSES + "VUID-*-a-00001,error,,Words.,Words.\n")
+        self.expect_finding("messages.csv: VUID-vkMapEXT-a-00001 has 2 causes", TABLE)
+        self.put("src/layer/messages.csv", CAUSES + "VUID-*-00009,error,,Words.,Words.\n")
+        self.expect_finding("messages.csv: there is no message VUID-*-00009", TABLE)
+
+    def test_stale_page(self):
+        self.run_check("--write")
+        self.put("docs/messages.md", self.read("docs/messages.md").replace("Correct it.", "Ignore it."))
+        self.assertIn("docs/messages.md: the tables are stale", self.run_check()[1])
 
     def test_only_the_implementation_reports(self):
         self.put("src/layer/micromaps/some.cpp", CODE)
         self.put("src/layer/validation/some.cpp", "")
         self.run_check("--write")
-        self.assertIn("| total | 4 | 2 of them are not", self.read("docs/validation.md"))
+        self.assertIn("| total | 4 | 2 of them are not", self.read("docs/messages.md"))
 
     def test_tests_are_filled_in(self):
         self.run_check("--write")
@@ -152,7 +185,7 @@ class CheckRules(unittest.TestCase):
         self.put("src/layer/validation/some.cpp", CODE.replace("a-00001", "a-00009"))
         self.run_check("--write")
         self.assertIn("rules.csv has no row for VUID-vkMapEXT-a-00009\n", self.run_check()[1])
-        self.assertIn("| open | 2 |", self.read("docs/validation.md"))
+        self.assertIn("| open | 2 |", self.read("docs/messages.md"))
 
 
 if __name__ == "__main__":
