@@ -95,12 +95,12 @@ try {
     VkPhysicalDeviceOpacityMicromapFeaturesEXT features{
         .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT, .micromap = VK_TRUE};
     Context context({VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME}, &features);
+    // [device end]
 
     VkPhysicalDeviceOpacityMicromapPropertiesEXT limits{
         .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT};
     VkPhysicalDeviceProperties2 properties{.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, .pNext = &limits};
     vkGetPhysicalDeviceProperties2(context.physicalDevice(), &properties);
-    // [device end]
 
     const std::vector<float> alpha = paintLeaf();
     const vellum::Micromap baked = bakeLeaf(alpha, limits.maxOpacity4StateSubdivisionLevel);

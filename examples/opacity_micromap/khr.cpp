@@ -43,6 +43,7 @@ VkAccelerationStructureKHR buildMicromap(Context &context, const vellum::Microma
         .mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
         .geometryCount = 1,
         .pGeometries = &geometry};
+    // [build end]
     VkAccelerationStructureBuildSizesInfoKHR sizes{.sType =
                                                        VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
     context.load<PFN_vkGetAccelerationStructureBuildSizesKHR>("vkGetAccelerationStructureBuildSizesKHR")(
@@ -51,10 +52,12 @@ VkAccelerationStructureKHR buildMicromap(Context &context, const vellum::Microma
     const Buffer storage =
         context.createBuffer(sizes.accelerationStructureSize, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
     const Buffer scratch = context.createBuffer(sizes.buildScratchSize, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+    // [create]
     const VkAccelerationStructureCreateInfo2KHR info{
         .sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR,
         .addressRange = {storage.address, sizes.accelerationStructureSize}, // at a multiple of 256 bytes
         .type = build.type};
+    // [create end]
     check(context.load<PFN_vkCreateAccelerationStructure2KHR>("vkCreateAccelerationStructure2KHR")(
               context.device(), &info, nullptr, &build.dstAccelerationStructure),
           "vkCreateAccelerationStructure2KHR");
@@ -72,7 +75,6 @@ VkAccelerationStructureKHR buildMicromap(Context &context, const vellum::Microma
             .sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO, .memoryBarrierCount = 1, .pMemoryBarriers = &barrier};
         vkCmdPipelineBarrier2(commands, &dependency);
     });
-    // [build end]
     context.onDestroy([device = context.device(), micromap = build.dstAccelerationStructure,
                        destroy = context.load<PFN_vkDestroyAccelerationStructureKHR>(
                            "vkDestroyAccelerationStructureKHR")] { destroy(device, micromap, nullptr); });
@@ -107,12 +109,12 @@ try {
         .deviceAddressCommands = VK_TRUE};
     Context context({VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME},
                     &addressCommands);
+    // [device end]
 
     VkPhysicalDeviceOpacityMicromapPropertiesKHR limits{
         .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR};
     VkPhysicalDeviceProperties2 properties{.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, .pNext = &limits};
     vkGetPhysicalDeviceProperties2(context.physicalDevice(), &properties);
-    // [device end]
 
     const std::vector<float> alpha = paintLeaf();
     const vellum::Micromap baked = bakeLeaf(alpha, limits.maxOpacity4StateSubdivisionLevel);

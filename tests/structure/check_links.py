@@ -4,6 +4,7 @@
 
 - links and pictures of Markdown files, outside of code;
 - names of source files in code of Markdown files (`hit_records.cpp`, `pipelines/hit_records.cpp`), which may lack folders;
+- ids of messages in Markdown files (`VELLUM-device`), which docs/messages.md must have;
 - names of documents ("docs/baking.md") in sources and scripts;
 - arrows of the diagram of subsystems that check_includes.py does not know, and the other way round.
 
@@ -20,6 +21,7 @@ CODE = re.compile(r"`[^`\n]*`")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#+ +(.*?)\s*$", re.M)
 SOURCE = re.compile(r"`([\w./-]+\.(?:cpp|h|comp|glsl|rahit|py|cmake))`")
+MESSAGES, MESSAGE = "docs/messages.md", re.compile(r"`(VELLUM-[A-Za-z0-9-]*[A-Za-z0-9])`")
 NAMED = re.compile(r"\bdocs/[\w/-]+\.md\b")
 SOURCES = {".c", ".cpp", ".h", ".py", ".in", ".txt", ".cmake", ".comp", ".glsl", ".rahit", ".json", ""}
 # Pages with a diagram of subsystems. Nodes have their names; "top" is the folder itself.
@@ -53,6 +55,10 @@ def findings_of_document(root, path, text, known):
     for name in SOURCE.findall(FENCE.sub("", text)):
         if not any(("/" + file).endswith("/" + name) for file in known):
             yield f"{here}: there is no file {name}"
+    if (root / MESSAGES).is_file():
+        messages = set(MESSAGE.findall((root / MESSAGES).read_text(encoding="utf-8")))
+        for name in sorted(set(MESSAGE.findall(text)) - messages):
+            yield f"{here}: {MESSAGES} has no {name}"
     for link in LINK.findall(CODE.sub("", FENCE.sub("", text))):
         if re.match(r"[a-z]+:", link):
             continue

@@ -12,9 +12,10 @@ import check_includes  # noqa: E402
 
 CHECK = pathlib.Path(__file__).resolve().with_name("check_links.py")
 FILES = {
-    "README.md": "[page](docs/page.md), [part](docs/page.md#a-part-of-it), [web](https://example.org), `[code](none)`\n"
+    "README.md": "[page](docs/page.md), [part](docs/page.md#a-part-of-it), [web](https://example.org), `[code](none)`, `VELLUM-one`\n"
                  "```\n# comment\n[code](none)\n```\n",
     "docs/page.md": "# Page of `code.cpp` and `src/code.cpp`\n[back](../README.md) [down](#same-1)\n## A part: of [it](page.md)\n## Same\n## Same\n",
+    "docs/messages.md": "`VELLUM-one`\n",
     "src/code.cpp": "// docs/page.md has it.\n",
 }
 
@@ -37,7 +38,7 @@ class CheckLinks(unittest.TestCase):
         self.assertIn(expected, out)
 
     def test_sound(self):
-        self.assertEqual(run(), (0, "\n0 findings in 2 documents\n"))
+        self.assertEqual(run(), (0, "\n0 findings in 3 documents\n"))
 
     def test_file(self):
         self.expect_finding("docs/page.md: there is no ../READ.md", "docs/page.md", "README", "READ")
@@ -49,6 +50,9 @@ class CheckLinks(unittest.TestCase):
     def test_source(self):
         self.expect_finding("docs/page.md: there is no file src/codes.cpp", "docs/page.md", "src/code.", "src/codes.")
         self.expect_finding("docs/page.md: there is no file ode.cpp", "docs/page.md", "`code", "`ode")
+
+    def test_message(self):
+        self.expect_finding("README.md: docs/messages.md has no VELLUM-two", "README.md", "VELLUM-one", "VELLUM-two")
 
     def test_diagram(self):
         layer = check_includes.SUBSYSTEMS["layer"]
