@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Checks that docs/extensions.md has every Vulkan extension that may matter to the layer, once, and prints what is missing.
+"""Checks that docs/extensions.md or extensions_passed_through.txt has every Vulkan extension that may matter to the layer, once,
+and prints what is missing.
 
 Extensions matter that, by the registry (vk.xml), have to do with ray tracing, shaders, pipelines or their caches:
 - their name says so;
@@ -8,12 +9,12 @@ Extensions matter that, by the registry (vk.xml), have to do with ray tracing, s
 - one of their structures extends or contains one of MATTERS, or one of their commands takes one;
 - they bring SPIR-V extensions or capabilities, or flags for pipelines, shaders or acceleration structures.
 
-The page has each in backticks, in the first column of a table whose second column says what the layer does, or in the list
-of those that pass through. The table of conflicting ones is generated from the code; with --write, it is written anew.
-Extensions that the registry at hand is too old to have may be there.
+The page has each in backticks, in the first column of a table whose second column says what the layer does; the file has those
+that pass through, one in a line. The table of conflicting ones is generated from the code; with --write, it is written anew.
+Extensions that the registry at hand is too old to have may be there. Add one to the file after you have looked at it.
 
 The code has a list of every extension whose name says that it is for ray tracing, as others are reported when a program
-enables them: those of the registry must be in it, and those in it must be on the page.
+enables them: those of the registry must be in it, and those in it must be on the page or in the file.
 
 usage: check_extensions.py [--write] [REGISTRY [ROOT]]
 """
@@ -23,6 +24,7 @@ import xml.etree.ElementTree as ElementTree
 import findings
 
 PLACE = "docs/extensions.md"
+PASSED = "tests/structure/extensions_passed_through.txt"
 CODE = "src/layer/entry/ray_tracing_extensions.cpp"
 BEGIN, END = "<!-- begin conflicting -->\n", "<!-- end conflicting -->\n"
 MATTERS = {
@@ -83,15 +85,13 @@ class Registry:
         return False
 
 
-def described(page):
-    """Extension: each statement of the page about it."""
-    rows, passed = {}, False
+def described(page, passed):
+    """Extension: each statement about it."""
+    rows = {name: ["passed through"] * passed.count(name) for name in passed}
     for line in page.splitlines():
-        if line.startswith("## "):
-            passed = line == "## Passed through"
-        columns = [column.strip() for column in line.strip("|").split("|")] if line.startswith("|") else []
-        for name in re.findall(r"`(VK_\w+)`", columns[0] if columns else line if passed else ""):
-            rows.setdefault(name, []).append("passed through" if passed else "".join(columns[1:2]))
+        columns = [column.strip() for column in line.strip("|").split("|")] if line.startswith("|") else [""]
+        for name in re.findall(r"`(VK_\w+)`", columns[0]):
+            rows.setdefault(name, []).append("".join(columns[1:2]))
     return rows
 
 
@@ -132,9 +132,9 @@ def write(root):
 def check(registry_path, root):
     registry = Registry(registry_path)
     page = (root / PLACE).read_text(encoding="utf-8")
-    rows = described(page)
+    rows = described(page, (root / PASSED).read_text(encoding="utf-8").split())
     wanted = sorted(name for name, extension in registry.extensions.items() if registry.matters(extension))
-    found = [f"{PLACE}: nothing about {name}" for name in wanted if name not in rows]
+    found = [f"{PLACE} and {PASSED}: nothing about {name}" for name in wanted if name not in rows]
     found += [f"{PLACE}: {name} is there {len(texts)} times" for name, texts in rows.items() if len(texts) > 1]
     found += [f"{PLACE}: an empty cell about {name}" for name, texts in rows.items() if not all(texts)]
     if page != generated(root):
@@ -144,7 +144,7 @@ def check(registry_path, root):
     parts = re.findall(r'"(\w+)"', array(code, "kRayTracing"))
     found += [f"{CODE}: {name} is neither in kConflicting nor in kCompatible" for name in sorted(registry.extensions)
               if any(part in name for part in parts) and name not in known(code)]
-    found += [f"{PLACE}: nothing about {name}, which {CODE} knows" for name in sorted(known(code) - set(rows))]
+    found += [f"{PLACE} and {PASSED}: nothing about {name}, which {CODE} knows" for name in sorted(known(code) - set(rows))]
     return found, len(wanted)
 
 

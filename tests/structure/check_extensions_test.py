@@ -59,10 +59,10 @@ def run(rows, passed=(), table=TABLE, options=(), code=CODE):
     page = ["# Page\n\n## Not together with micromaps\n<!-- begin conflicting -->", table + "<!-- end conflicting -->\n", "## Handled\n",
             "| extension | what |", "|---|---|"]
     page += [f"| `{name}` | {text} |" for name, text in rows]
-    page += ["\n## Passed through\n", ", ".join(f"`{name}`" for name in passed)]
     with tempfile.TemporaryDirectory() as folder:
         root = pathlib.Path(folder)
         for name, text in {"docs/extensions.md": "\n".join(page) + "\n", "vk.xml": REGISTRY,
+                           "tests/structure/extensions_passed_through.txt": "".join(f"{name}\n" for name in passed),
                            "src/layer/entry/ray_tracing_extensions.cpp": code}.items():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
             (root / name).write_text(text, encoding="utf-8")
