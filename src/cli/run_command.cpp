@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // `vellum run`
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
@@ -12,7 +13,9 @@
 #include "base/error.h"
 #include "base/files.h"
 #include "base/process.h"
+#include "base/text.h"
 #include "cli/base/exit_code.h"
+#include "cli/base/files.h"
 #include "cli/info/manifests.h"
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
@@ -33,10 +36,13 @@ the summary is on stderr. Options come before the program, separated by --.
 Messages: an error is input that the layer rejected, a warning one that it tolerated, or that probably has no effect.
 Without --require-checks, a program that uses no micromaps passes: nothing is checked then, which the summary states.
 
+--junit writes a test case for the program, one for whether a device used micromaps through the layer, and one for each kind
+of message. Those that do not fail the run are passed, with the message as output.
+
 Examples:
   vellum run -- ./viewer scene.glb
       fails if the program fails or the layer rejects something
-  vellum run --validate --fail-on warning --require-checks -- ./tests --gtest_filter='Rays.*'
+  vellum run --validate --fail-on warning --require-checks --junit micromaps.xml -- ./tests --gtest_filter='Rays.*'
       for continuous integration
 
 Environment:
@@ -50,6 +56,7 @@ struct RunOptions {
     std::vector<std::string> program;
     std::string failOn;
     bool requireChecks = false;
+    std::optional<std::filesystem::path> junit;
     bool assumeMicromaps = false;
     std::string implementation; // empty: not given
     bool strict = false;
@@ -97,7 +104,7 @@ std::optional<Message> parse(const std::string &line)
     return message;
 }
 
-std::string counted(size_t count, const char *what)
+std::string countOf(size_t count, const char *what)
 {
     return fmt::format("{} {}{}", count == 0 ? "no" : std::to_string(count), what, count == 1 ? "" : "s");
 }
@@ -125,16 +132,21 @@ MessageSummary readMessages(std::istream &lines)
     return summary;
 }
 
+std::string times(const MessageSummary::Kind &kind)
+{
+    return kind.count == 1 ? "" : fmt::format(" ({} times)", kind.count);
+}
+
 // Prints to stderr.
 void print(const MessageSummary &summary)
 {
     if (summary.devices == 0)
         fmt::print(stderr, "vellum run: no device used micromaps through the layer: nothing was checked\n");
-    fmt::print(stderr, "vellum run: {}, {}, {} checked\n", counted(summary.errors, "error"),
-               counted(summary.warnings, "warning"), counted(summary.devices, "device"));
+    fmt::print(stderr, "vellum run: {}, {}, {} checked\n", countOf(summary.errors, "error"),
+               countOf(summary.warnings, "warning"), countOf(summary.devices, "device"));
     for (const MessageSummary::Kind &kind : summary.kinds)
         fmt::print(stderr, "  {:<7} {}{}: {}\n", kind.severity == MessageSeverity::Error ? "error" : "warning", kind.id,
-                   kind.count == 1 ? "" : fmt::format(" ({} times)", kind.count), kind.text);
+                   times(kind), kind.text);
 }
 
 // The words behind "--", as they are: the library of the command line splits words like "[a,b]".
@@ -197,13 +209,54 @@ void applySettings(const RunOptions &options)
         setVariable("VELLUM_MESSAGE_LIMIT", "0"); // every message is counted
 }
 
+bool fails(const MessageSummary::Kind &kind, const RunOptions &options)
+{
+    return options.failOn == "warning" || (options.failOn == "error" && kind.severity == MessageSeverity::Error);
+}
+
 // Why the layer's messages fail a program that succeeds; empty where they do not.
 std::string failureOf(const MessageSummary &summary, const RunOptions &options)
 {
-    const bool counts = options.failOn != "never";
-    if (counts && (summary.errors != 0 || (options.failOn == "warning" && summary.warnings != 0)))
+    if (std::ranges::any_of(summary.kinds, [&](const MessageSummary::Kind &kind) { return fails(kind, options); }))
         return "because of messages of the layer (--fail-on " + options.failOn + ")";
     return options.requireChecks && summary.devices == 0 ? "because nothing was checked (--require-checks)" : "";
+}
+
+// JUnit's format: a test case for the program, one for its devices, and one for each kind of message.
+std::string junitXml(const std::string &program, int code, double seconds, const MessageSummary &summary,
+                     const RunOptions &options)
+{
+    std::string cases;
+    size_t failures = 0;
+    const auto add = [&](const std::string &name, bool failed, const std::string &text) {
+        failures += failed ? 1u : 0u;
+        const std::string shown = markupText(printable(text));
+        cases += fmt::format("    <testcase classname=\"vellum.run\" name=\"{}\"", markupText(printable(name)));
+        if (failed)
+            cases += fmt::format("><failure message=\"{}\"/></testcase>\n", shown);
+        else
+            cases += text.empty() ? "/>\n" : fmt::format("><system-out>{}</system-out></testcase>\n", shown);
+    };
+    add("program", code != 0, code != 0 ? fmt::format("exit code {}", code) : "");
+    const bool unchecked = summary.devices == 0;
+    add("checks", unchecked && options.requireChecks, unchecked ? "no device used micromaps through the layer" : "");
+    for (const MessageSummary::Kind &kind : summary.kinds)
+        add(kind.id, fails(kind, options), kind.text + times(kind));
+    return fmt::format("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites name=\"vellum run\">\n"
+                       "  <testsuite name=\"{}\" tests=\"{}\" failures=\"{}\" time=\"{:.3f}\">\n{}  </testsuite>\n"
+                       "</testsuites>\n",
+                       markupText(printable(program)), summary.kinds.size() + 2, failures, seconds, cases);
+}
+
+bool writeJunit(const std::filesystem::path &path, const std::string &text)
+{
+    try {
+        writeWhole(path, {reinterpret_cast<const uint8_t *>(text.data()), text.size()});
+        return true;
+    } catch (const std::exception &error) {
+        std::fprintf(stderr, "vellum: %s\n", error.what());
+        return false;
+    }
 }
 
 int run(const RunOptions &options, const std::vector<std::string> &commandLine)
@@ -221,13 +274,19 @@ int run(const RunOptions &options, const std::vector<std::string> &commandLine)
         std::fprintf(stderr, "vellum: %s\n", error.what());
         return static_cast<int>(ExitCode::NotRun);
     }
+    const auto start = std::chrono::steady_clock::now();
     const int code = runProgram(words);
+    const std::chrono::duration<double> duration = std::chrono::steady_clock::now() - start;
     if (code == static_cast<int>(ExitCode::NotExecutable) || code == static_cast<int>(ExitCode::NoProgram))
         return code;
     std::ifstream lines(messages->path());
     const MessageSummary summary = readMessages(lines);
     print(summary);
     const std::string failure = failureOf(summary, options);
+    if (options.junit &&
+        !writeJunit(*options.junit, junitXml(words.front(), code, duration.count(), summary, options)) && code == 0 &&
+        failure.empty())
+        return static_cast<int>(ExitCode::Failed);
     if (code != 0 || failure.empty())
         return code;
     std::fprintf(stderr, "vellum run: failed, %s\n", failure.c_str());
@@ -259,6 +318,9 @@ std::function<int()> declareRunCommand(CLI::App &app, const std::vector<std::str
                   "Fail if nothing was checked: no device of the program used micromaps through the layer")
         ->envname("VELLUM_REQUIRE_CHECKS")
         ->group(kOutput);
+    command.add_option("--junit", options->junit, "Write what was found here, in JUnit's format")
+        ->type_name("FILE")
+        ->group(kOutput);
     command.option_defaults()->group("Layer");
     command.add_flag("--strict", options->strict, "Reject what breaks a rule even where it does no harm");
     command
@@ -276,7 +338,11 @@ std::function<int()> declareRunCommand(CLI::App &app, const std::vector<std::str
         .add_option("--layer-path", options->layerFolder,
                     "Folder of the layer's manifest, instead of the one installed with this program")
         ->type_name("FOLDER");
-    return [options, words] { return run(*options, words); };
+    return [options, words] {
+        if (options->junit)
+            checkSuffix(*options->junit, {".xml"});
+        return run(*options, words);
+    };
 }
 
 } // namespace vellum::cli

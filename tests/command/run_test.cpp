@@ -124,6 +124,42 @@ TEST(Run, ChecksThatAreRequired)
               "vellum run: no errors, no warnings, 1 device checked\n");
 }
 
+TEST(Run, ResultsForJunit)
+{
+    const TemporaryFolder folder;
+    const std::filesystem::path path = folder / "run.xml";
+    const auto casesOf = [&](std::vector<std::string> options, const std::string &script, int code) {
+        options.insert(options.end(), {"--junit", path.string()});
+        EXPECT_EQ(runScript(options, script).exitCode, code);
+        const Bytes file = readFile(path);
+        const std::string text(file.begin(), file.end());
+        EXPECT_EQ(text.find("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites name=\"vellum run\">\n"), 0U)
+            << text;
+        std::string cases;
+        for (size_t at = 0; (at = text.find("name=\"", at)) != std::string::npos; ++at)
+            if (text.compare(at - 11, 11, "vellum.run\" ") == 0)
+                cases += text.substr(at + 6, text.find('\n', at) - at - 6) + "\n";
+        return text.substr(text.find("tests="), text.find(" time=") - text.find("tests=")) + "\n" + cases;
+    };
+    const std::string unchecked =
+        "checks\"><system-out>no device used micromaps through the layer</system-out></testcase>\n";
+    EXPECT_EQ(casesOf({}, "true", 0), "tests=\"2\" failures=\"0\"\nprogram\"/>\n" + unchecked);
+    EXPECT_EQ(casesOf({}, "exit 3", 3),
+              "tests=\"2\" failures=\"1\"\nprogram\"><failure message=\"exit code 3\"/></testcase>\n" + unchecked);
+    EXPECT_EQ(
+        casesOf({"--require-checks"}, "true", kMessagesFailed),
+        "tests=\"2\" failures=\"1\"\nprogram\"/>\nchecks\"><failure message=\"no device used micromaps through the "
+        "layer\"/></testcase>\n");
+    EXPECT_EQ(casesOf({}, std::string(kError) + kWarning + kWarning, kMessagesFailed),
+              "tests=\"4\" failures=\"1\"\nprogram\"/>\n" + unchecked +
+                  "VELLUM-a\"><failure message=\"what\"/></testcase>\n"
+                  "VELLUM-b\"><system-out>where (2 times)</system-out></testcase>\n");
+    const Outcome noFolder = runScript({"--junit", (folder / "none" / "run.xml").string()}, "true");
+    EXPECT_EQ(noFolder.exitCode, 1) << noFolder.errors;
+    expectLine(noFolder, "vellum: ");
+    EXPECT_EQ(runScript({"--junit", (folder / "run.json").string()}, "true").exitCode, 2);
+}
+
 TEST(Run, PartsOfValidationAreChecked)
 {
     for (const char *wrong : {"--validate=cpre", "--validate=core,", "--validate=core gpu", "--validate=core,gpuu"}) {

@@ -3,8 +3,8 @@
 """Checks that src/layer/messages.csv has the cause of every message of the layer, with its severity, and prints what is wrong.
 
 A message is known by its id, a string in src/layer that begins with VELLUM- or VUID-. A row of the table has the ids of one
-cause, in which "*" stands for any text, their severity, the cause and the cure; for ids of the layer's own also the part of
-the setting `validate` that finds them. An id belongs to the row that has it in full, or to the one row with a pattern for it.
+cause, in which "*" stands for any text, their severity, the cause and the cure; for ids of the layer's own also the parts of
+the setting `validate` that find them. An id belongs to the row that has it in full, or to the one row with a pattern for it.
 Rows of src/layer/rules state their severity (ROW); what only validation reports is an error. Where the id is an argument of a
 function that sends it (SEVERITIES), the severity is known as well; where it is passed on first, the table's counts.
 check_rules.py writes the page from the table.
@@ -40,7 +40,7 @@ CALL = re.compile(r"(\w+)\s*$")
 BOTH = "warning or error"
 SEVERITIES = {"reject": "error", "error": "error", "tolerate": "warning", "tolerates": "warning", "warning": "warning",
               "tolerateIf": BOTH, "info": "info"}
-PARTS = ("", "core", "gpu", "sync")
+PARTS = {"core", "gpu", "sync"}
 
 
 def caller(code, end):
@@ -164,7 +164,7 @@ def check(root):
         found += [f"{TABLE}: there is no message {name}" for name in row["ids"].split()
                   if name.startswith("VELLUM-") and name not in known]
         found += [f"{TABLE}: {row['ids'].split()[0]} has no {column}" for column in ("cause", "cure") if not row[column]]
-        if row["part"] not in PARTS:
+        if row["part"] and not set(row["part"].split(", ")) <= PARTS:
             found.append(f"{TABLE}: {row['ids'].split()[0]}: part is {row['part']}")
     return found, len(known)
 
