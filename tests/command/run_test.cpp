@@ -135,10 +135,10 @@ TEST(Run, ResultsForJunit)
         const std::string text(file.begin(), file.end());
         EXPECT_EQ(text.find("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites name=\"vellum run\">\n"), 0U)
             << text;
+        constexpr std::string_view kCase = "classname=\"vellum.run\" name=\"";
         std::string cases;
-        for (size_t at = 0; (at = text.find("name=\"", at)) != std::string::npos; ++at)
-            if (text.compare(at - 11, 11, "vellum.run\" ") == 0)
-                cases += text.substr(at + 6, text.find('\n', at) - at - 6) + "\n";
+        for (size_t at = text.find(kCase); at != std::string::npos; at = text.find(kCase, at + 1))
+            cases += text.substr(at + kCase.size(), text.find('\n', at) - at - kCase.size()) + "\n";
         return text.substr(text.find("tests="), text.find(" time=") - text.find("tests=")) + "\n" + cases;
     };
     const std::string unchecked =

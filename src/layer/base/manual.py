@@ -37,7 +37,7 @@ Settings: where \fBVK_LAYER_SETTINGS_PATH\fR says, in ~/.local/share/vulkan/sett
 /etc/vulkan/settings.d.
 .TP
 \fIprefix\fR/share/doc/vellum/docs/
-The documents: using-the-layer.md, settings.md, messages.md, limitations.md.
+The documents: using-the-layer.md, settings.md, validation.md, messages.md, limitations.md.
 .SH SEE ALSO
 .BR vellum (1),
 .BR vellum\-info (1),
