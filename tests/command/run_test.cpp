@@ -154,7 +154,7 @@ TEST(Run, ResultsForJunit)
               "tests=\"4\" failures=\"1\"\nprogram\"/>\n" + unchecked +
                   "VELLUM-a\"><failure message=\"what\"/></testcase>\n"
                   "VELLUM-b\"><system-out>where (2 times)</system-out></testcase>\n");
-    const Outcome noFolder = runScript({"--junit", (folder / "none" / "run.xml").string()}, "true");
+    const Outcome noFolder = runScript({"--junit", (path / "run.xml").string()}, "true");
     EXPECT_EQ(noFolder.exitCode, 1) << noFolder.errors;
     expectLine(noFolder, "vellum: ");
     EXPECT_EQ(runScript({"--junit", (folder / "run.json").string()}, "true").exitCode, 2);
