@@ -3,7 +3,7 @@
 """Compares the speed of the WebAssembly module under Node.js with that of the native library, with one thread each: pairs of
 bakes, one after the other, and the median of their ratios. 1 is as fast as native, .5 takes twice as long.
 
-usage: VELLUM_LIBRARY=libvellum.so bench/baker/wasm.py [PACKAGE]    PACKAGE: [build/wasm/package]
+usage: VELLUM_LIBRARY_PATH=build/release/lib bench/baker/wasm.py [PACKAGE]    PACKAGE: [build/wasm/package]
 """
 import array
 import json
@@ -16,7 +16,7 @@ import sys
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "examples/python"))
+sys.path.insert(0, str(ROOT / "bindings/python"))
 import vellum  # noqa: E402
 
 PAIRS, WARM = 15, 3
@@ -82,8 +82,8 @@ def main():
     ratios = []
     for name, (size, count, edge, level) in SCENES.items():
         alpha, uvs = leaves(size), triangles(count, edge)
-        texture = vellum.Texture(texels=alpha, width=size, height=size)
-        mesh = vellum.BakeInput(textures=[texture], uvs=uvs)
+        texture = vellum.Texture(alpha, width=size, height=size)
+        mesh = vellum.BakeInput(texture, uvs)
 
         def by_wasm(line=""):
             child.stdin.write(line + "\n")
@@ -92,14 +92,9 @@ def main():
             return float(spent), int(data)
 
         def natively():
-            options = vellum.BakeOptions()
-            vellum.library.vellumInitBakeOptions(vellum.byref(options), vellum.sizeof(options))
-            options.level, options.threads = level, 1
-            inputs, handle = (vellum.BakeInput * 1)(mesh), vellum.c_void_p()
             start = time.perf_counter()
-            vellum._check(vellum.library.vellumBake(inputs, 1, vellum.byref(options), vellum.byref(handle)))
-            spent = 1000 * (time.perf_counter() - start)
-            return spent, len(vellum.Micromap(handle).data)
+            made = vellum.bake(mesh, level=level, threads=1)
+            return 1000 * (time.perf_counter() - start), len(made.data)
 
         first = by_wasm(json.dumps({"size": size, "alpha": base64.b64encode(alpha).decode(), "uvs": list(uvs), "level": level}))
         if first[1] != natively()[1]:

@@ -2,6 +2,7 @@
 // The functions of vellum/vellum.h.
 #include "vellum/vellum.h"
 
+#include <atomic>
 #include <cstring>
 #include <limits>
 #include <memory>
@@ -97,6 +98,14 @@ const char *vellumResultName(VellumResult result)
     case VELLUM_ERROR_FILE: return "VELLUM_ERROR_FILE";
     default: return "unknown VellumResult";
     }
+}
+
+int vellumIsFlagSet(void *userData)
+{
+    // The caller's writes may be plain ones of another language.
+    static_assert(sizeof(std::atomic<int32_t>) == sizeof(int32_t) && std::atomic<int32_t>::is_always_lock_free);
+    const auto *flag = static_cast<const std::atomic<int32_t> *>(userData);
+    return flag != nullptr && flag->load(std::memory_order_relaxed) != 0 ? 1 : 0;
 }
 
 VellumResult vellumBake(const VellumBakeInput *inputs, size_t inputCount, const VellumBakeOptions *options,

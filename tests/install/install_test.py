@@ -23,7 +23,7 @@ SANITIZERS = ["-fsanitize=address,undefined"]
 WARNINGS = ["-Wall", "-Wextra", "-Werror", "-pedantic"]
 FUNCTIONS = {"vellumBake", "vellumDestroyMicromap", "vellumGetBakeVersion", "vellumGetGeometryInfo",
              "vellumGetMicromapInfo", "vellumGetState", "vellumGetVersion", "vellumInitBakeInput", "vellumInitBakeOptions",
-             "vellumInitTexture", "vellumResultName", "vellumWriteIndices"}
+             "vellumInitTexture", "vellumIsFlagSet", "vellumResultName", "vellumWriteIndices"}
 SPIRV_FUNCTIONS = {"vellumDestroySpirv", "vellumEditSpirv", "vellumGetSpirvEntryPointInfo", "vellumGetSpirvInfo",
                    "vellumInitSpirvOptions"}
 GLTF_FUNCTIONS = {"vellumBakeGltf", "vellumBakeGltfMemory", "vellumCheckGltf", "vellumCheckGltfMemory", "vellumReadGltfMemory",
@@ -144,7 +144,8 @@ class Installation(unittest.TestCase):
         self.check_example(self.build_by_pkg_config("cpp", options.cxx, "-std=c++20"))
 
     def test_python(self):
-        environment = {"VELLUM_LIBRARY": str(self.lib / "libvellum.so"), "PYTHONDONTWRITEBYTECODE": "1"}
+        environment = {"VELLUM_LIBRARY_PATH": str(self.lib), "PYTHONPATH": str(options.source / "bindings/python"),
+                       "PYTHONDONTWRITEBYTECODE": "1"}
         if options.sanitize:
             environment["LD_PRELOAD"] = " ".join(
                 run(options.cc, f"-print-file-name={name}").strip() for name in ("libasan.so", "libstdc++.so.6"))

@@ -322,6 +322,20 @@ TEST(LibraryFailure, CancelledWithinATriangle)
     EXPECT_EQ(sample.micromap, nullptr);
 }
 
+TEST(LibraryFailure, CancelledByAFlag)
+{
+    int32_t flag = 0;
+    Sample sample;
+    sample.options.message = nullptr;
+    sample.options.userData = &flag;
+    sample.options.cancelled = vellumIsFlagSet;
+    ASSERT_EQ(sample.bake(), VELLUM_SUCCESS);
+    flag = INT32_MIN;
+    EXPECT_EQ(sample.bake(), VELLUM_CANCELLED);
+    sample.options.userData = nullptr;
+    EXPECT_EQ(sample.bake(), VELLUM_SUCCESS);
+}
+
 TEST(LibraryFailure, ManyThreadsAtOnce)
 {
     Sample sample;

@@ -2,22 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Prints random bakes as JSON, one a line, with the results of the native library: what WebAssembly must return.
 
-usage: VELLUM_LIBRARY=libvellum.so make_cases.py COUNT [SEED]
+usage: VELLUM_LIBRARY_PATH=folder make_cases.py COUNT [SEED]    folder: of libvellum
 """
 import base64
 import hashlib
 import json
 import pathlib
 import random
+import re
 import struct
 import sys
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "examples/python"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "python"))
 import vellum  # noqa: E402
 
-TEXELS = {vellum.FORMAT_R8_UNORM: ("B", 255), vellum.FORMAT_R16_UNORM: ("H", 65535), vellum.FORMAT_R16_SFLOAT: ("e", None),
-          vellum.FORMAT_R32_SFLOAT: ("f", None)}
-UVS = {vellum.FORMAT_R32G32_SFLOAT: "f", vellum.FORMAT_R16G16_SFLOAT: "e", vellum.FORMAT_R16G16_UNORM: "H"}
+TEXELS = {vellum.Format.R8_UNORM: ("B", 255), vellum.Format.R16_UNORM: ("H", 65535), vellum.Format.R16_SFLOAT: ("e", None),
+          vellum.Format.R32_SFLOAT: ("f", None)}
+UVS = {vellum.Format.R32G32_SFLOAT: "f", vellum.Format.R16G16_SFLOAT: "e", vellum.Format.R16G16_UNORM: "H"}
 LEVELS = range(-1, 10)
 
 
@@ -84,21 +85,24 @@ def some_options(pick, level):
 
 
 def digest_of(micromap):
-    triangles = b"".join(bytes(triangle) for triangle in micromap.triangles)
-    return hashlib.sha256(micromap.data + triangles + struct.pack(f"<{len(micromap.indices)}i", *micromap.indices)).hexdigest()
+    return hashlib.sha256(micromap.data + micromap.triangles + bytes(micromap.indices)).hexdigest()
+
+
+def in_python(members):
+    """addressModeU is address_mode_u."""
+    return {re.sub("[A-Z]", lambda letter: "_" + letter[0].lower(), name): value for name, value in members.items()}
 
 
 def a_case(pick, number):
     level = LEVELS[number % len(LEVELS)]
     inputs = [an_input(pick, 12 if level < 7 else 2) for _ in range(pick.choice((1, 1, 1, 2)))]
     options = some_options(pick, level)
-    native = dict(options, flags=int(options["disallowMixedSpecialIndices"]), threads=1)
-    del native["disallowMixedSpecialIndices"]
     made = []
     for textures, uvs, indices, members in inputs:
         view = memoryview(indices[1]).cast(indices[0]) if indices else None
-        made.append(vellum.BakeInput([vellum.Texture(texels, **t) for texels, t in textures], uvs, view, **members))
-    micromap = vellum.bake(made, **native)
+        made.append(vellum.BakeInput([vellum.Texture(texels, **in_python(t)) for texels, t in textures], uvs, view,
+                                     **in_python(members)))
+    micromap = vellum.bake(made, threads=1, **in_python(options))
     as_text = [{"textures": [dict(t, alpha=text(texels)) for texels, t in textures], "uvs": text(uvs),
                 "indices": indices and [indices[0], text(indices[1])],
                 "members": {name: list(value) if isinstance(value, bytes) else value for name, value in members.items()}}

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests of the package in build/wasm/package, with nothing but Node.js: node --test bindings/js/test
-//   VELLUM_PACKAGE   the folder of the package
-//   VELLUM_LIBRARY   the native libvellum.so, with which results are compared
-//   VELLUM_COMMAND   the native command, with which files are compared
-//   VELLUM_MODELS    a folder of .glb files to compare, besides that of examples/python/tree.py
+//   VELLUM_PACKAGE        the folder of the package
+//   VELLUM_LIBRARY_PATH   the folder of the native libvellum, with which results are compared
+//   VELLUM_COMMAND        the native command, with which files are compared
+//   VELLUM_MODELS          a folder of .glb files to compare, besides that of examples/python/tree.py
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { createHash } from 'node:crypto';
@@ -16,7 +16,7 @@ import { fileURLToPath, pathToFileURL } from 'node:url';
 const here = dirname(fileURLToPath(import.meta.url));
 const root = resolve(here, '../../..');
 const folder = resolve(process.env.VELLUM_PACKAGE ?? join(root, 'build/wasm/package'));
-const library = process.env.VELLUM_LIBRARY;
+const library = process.env.VELLUM_LIBRARY_PATH;
 const command = process.env.VELLUM_COMMAND;
 const api = await import(pathToFileURL(join(folder, 'index.js')));
 const { VellumWorker } = await import(pathToFileURL(join(folder, 'worker.js')));
@@ -56,7 +56,7 @@ function digestOf({ data, triangles, indices }) {
   return hash.digest('hex');
 }
 
-test('random bakes have the bytes of the native library', { skip: !library && 'VELLUM_LIBRARY' }, () => {
+test('random bakes have the bytes of the native library', { skip: !library && 'VELLUM_LIBRARY_PATH' }, () => {
   const count = process.env.VELLUM_CASES ?? '660';
   const output = execFileSync('python3', [join(here, 'make_cases.py'), count], { maxBuffer: 1 << 30, encoding: 'utf8' });
   const lines = output.trim().split('\n');

@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Micromaps in glTF files: vellum/gltf.h."""
+from __future__ import annotations
+
+import os
+from ctypes import byref, c_char_p, c_void_p, sizeof
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Callable, MutableMapping, NamedTuple, Sequence, Union
+
+from . import _native
+from ._bake import QualityOptions, Usage, indices_of, set_options, usages_of
+from ._buffers import Memory, view_of
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
+    from typing_extensions import Unpack
+
+Path = Union[str, "os.PathLike[str]"]
+_BLEND, _EMBED, _BLEND_CUTOFF = 1, 2, 4
+
+
+class GltfNote(NamedTuple):
+    """Something about a place in a file: `mesh 2 "leaves" primitive 0`, and a sentence."""
+
+    place: str
+    message: str
+
+
+@dataclass(frozen=True)
+class GltfMicromap:
+    """The input of a micromap build, as the members of Micromap with these names."""
+
+    data: bytes
+    triangles: bytes
+    usages: list[Usage]
+
+
+@dataclass(frozen=True)
+class GltfPrimitive:
+    """What the geometry made of meshes[mesh].primitives[primitive] needs in addition to the micromap.
+
+    name: for messages, `mesh 2 "leaves" primitive 0`.
+    micromap: into Gltf.micromaps.
+    indices: int32, for each triangle: a SpecialIndex, or an index to which base_triangle is added.
+    usages: number of its triangles with data, by format and level.
+    """
+
+    name: str
+    mesh: int
+    primitive: int
+    micromap: int
+    indices: memoryview
+    usages: list[Usage]
+    base_triangle: int
+
+
+@dataclass(frozen=True)
+class Gltf:
+    """The micromaps of a file, and the primitives that have one, in the order of meshes. `extension` is its name in the file,
+    or empty without micromaps."""
+
+    extension: str
+    micromaps: list[GltfMicromap]
+    primitives: list[GltfPrimitive]
+
+
+@dataclass
+class GltfReport:
+    """What bake_gltf() and bake_gltf_file() did.
+
+    micromap_count: one for each image, sampler, factor and cutoff. primitive_count: primitives that got a micromap.
+    micromap_size: bytes of micromaps, with 8 for each micromap triangle. input_size, output_size: bytes of files.
+    replaced: the input had micromaps, all of which were replaced or removed.
+    cache_hits, cache_misses: results that the cache had, and that it did not have.
+    skipped: alpha-tested primitives that got no micromap, and why.
+    """
+
+    micromap_count: int = 0
+    primitive_count: int = 0
+    micromap_size: int = 0
+    input_size: int = 0
+    output_size: int = 0
+    replaced: bool = False
+    cache_hits: int = 0
+    cache_misses: int = 0
+    skipped: list[GltfNote] = field(default_factory=list)
+
+
+class GltfBakeOptions(QualityOptions, total=False):
+    """Options of bake_gltf() and bake_gltf_file(). The budget is for the whole file, max_data_size for each micromap, or,
+    with a budget, for all of them."""
+
+    blend: bool  # also bakes alphaMode BLEND: opaque only where alpha is 1, transparent only where it is 0
+    blend_cutoff: float  # bakes it as a mask with this cutoff instead, finite; wrong for renderers that blend
+    excluded_materials: Sequence[str]  # names of materials that are not baked; shell patterns: * ? [...]
+    excluded_meshes: Sequence[str]  # the same for meshes
+    cache: MutableMapping[bytes, bytes]  # results by keys of 32 bytes, such as a dict; asked before anything is baked
+
+
+def _note_list() -> tuple[list[GltfNote], Any]:
+    notes: list[GltfNote] = []
+
+    def add(user_data: object, place: bytes, note: bytes) -> None:
+        notes.append(GltfNote(place.decode(errors="replace"), note.decode(errors="replace")))
+
+    return notes, _native.NOTE(add)
+
+
+def _arguments_of(file: Path | ReadableBuffer, name: str) -> tuple[str, tuple[Any, ...], Memory | None]:
+    """The end of the function's name, its first arguments, and what must be kept as long as they are used."""
+    if isinstance(file, (str, os.PathLike)):
+        return "", (_native.text("file", file),), None
+    memory = Memory(view_of("file", file))
+    return "Memory", (memory.address, memory.size, _native.text("name", name)), memory
+
+
+def read_gltf(file: Path | ReadableBuffer, *, name: str = "input") -> Gltf:
+    """Reads and checks the micromaps of a .glb or .gltf file. A file without micromaps is no error.
+
+    file: a path (str or os.PathLike), or the bytes of a file.
+    name: of bytes: for messages, and the path to which files that a .gltf names are relative.
+
+    Raises Error with Result.ERROR_FILE if the file cannot be read, or a micromap breaks a rule of the extension.
+    """
+    library, messages, handle = _native.library("vellum_gltf"), _native.Messages(), c_void_p()
+    end, arguments, _kept = _arguments_of(file, name)
+    function = getattr(library, "vellumReadGltf" + end)
+    _native.check(function(*arguments, messages.callback, None, byref(handle)), messages.text)
+    try:
+        info = _native.GltfInfo(struct_size=sizeof(_native.GltfInfo))
+        _native.check(library.vellumGetGltfInfo(handle, byref(info)))
+        micromaps, primitives = [], []
+        for number in range(info.micromap_count):
+            one = _native.GltfMicromapInfo(struct_size=sizeof(_native.GltfMicromapInfo))
+            _native.check(library.vellumGetGltfMicromapInfo(handle, number, byref(one)))
+            micromaps.append(GltfMicromap(_native.copied(one.data, one.data_size),
+                                          _native.copied(one.triangles, one.triangle_count, 8), usages_of(one)))
+        for number in range(info.primitive_count):
+            user = _native.GltfPrimitiveInfo(struct_size=sizeof(_native.GltfPrimitiveInfo))
+            _native.check(library.vellumGetGltfPrimitiveInfo(handle, number, byref(user)))
+            primitives.append(GltfPrimitive(user.name.decode(errors="replace"), user.mesh, user.primitive, user.micromap,
+                                            indices_of(user), usages_of(user), user.base_triangle))
+        return Gltf(info.extension.decode(), micromaps, primitives)
+    finally:
+        library.vellumDestroyGltf(handle)
+
+
+def check_gltf(file: Path | ReadableBuffer, most: int = 100, *, name: str = "input") -> list[GltfNote]:
+    """Whatever breaks a rule of the extension in a file, at most `most` findings, in the file's order.
+
+    It does not look at textures; `vellum verify` compares states with them. Arguments and errors are those of read_gltf().
+    """
+    if not 0 <= most < 2**64:
+        raise ValueError(f"most is {most}, not 0 or more")
+    messages = _native.Messages()
+    end, arguments, _kept = _arguments_of(file, name)
+    findings, callback = _note_list()
+    function = getattr(_native.library("vellum_gltf"), "vellumCheckGltf" + end)
+    _native.check(function(*arguments, most, callback, messages.callback, None), messages.text)
+    return findings
+
+
+def _strings(name: str, values: Sequence[str]) -> Any:
+    if isinstance(values, str):
+        raise TypeError(f"{name} is a string, expected a list of them")
+    return (c_char_p * len(values))(*(_native.text(name, value) for value in values))
+
+
+class _FileBake:
+    """The arguments that files and memory share."""
+
+    def __init__(self, progress: Callable[[int, int], object] | None, cancelled: Callable[[], object] | None, embed: bool,
+                 given: dict[str, Any]) -> None:
+        self.call = _native.LongCall(progress, cancelled)
+        self.options = _native.GltfBakeOptions()
+        library = _native.library("vellum_gltf")
+        library.vellumInitGltfBakeOptions(byref(self.options), sizeof(self.options))
+        own = {name: given.pop(name) for name in GltfBakeOptions.__annotations__.keys() - QualityOptions.__annotations__.keys()
+               if name in given}
+        set_options(self.call.options, QualityOptions, given)
+        self.options.flags = (_BLEND if own.get("blend") else 0) | (_EMBED if embed else 0)
+        if own.get("blend_cutoff") is not None:
+            self.options.flags |= _BLEND | _BLEND_CUTOFF
+            _native.set_members(self.options, blend_cutoff=own["blend_cutoff"])
+        for member, count in (("excluded_materials", "excluded_material_count"), ("excluded_meshes", "excluded_mesh_count")):
+            patterns = _strings(member, own.get(member) or ())
+            setattr(self.options, member, patterns)
+            setattr(self.options, count, len(patterns))
+        self._skipped, self.options.skipped = _note_list()
+        if own.get("cache") is not None:
+            self._use(own["cache"])
+        self.info = _native.GltfBakeInfo(struct_size=sizeof(_native.GltfBakeInfo))
+
+    def _use(self, cache: MutableMapping[bytes, bytes]) -> None:
+        def value_of(key: bytes) -> bytes | None:
+            value = cache.get(key)
+            return None if value is None else memoryview(value).tobytes()
+
+        def get(user_data: object, key: int, found: Callable[[Any, bytes, int], None], receiver: Any) -> None:
+            value = self.call.ask(value_of, _native.copied(key, _native.CACHE_KEY_SIZE))
+            if value is not None:
+                found(receiver, value, len(value))
+
+        def put(user_data: object, key: int, value: int, size: int) -> None:
+            self.call.ask(cache.__setitem__, _native.copied(key, _native.CACHE_KEY_SIZE), _native.copied(value, size))
+
+        self.options.cache_get, self.options.cache_put = _native.CACHE_GET(get), _native.CACHE_PUT(put)
+
+    def report(self) -> GltfReport:
+        info = self.info
+        return GltfReport(info.micromap_count, info.primitive_count, info.micromap_size, info.input_size, info.output_size,
+                          bool(info.replaced), info.cache_hits, info.cache_misses, self._skipped)
+
+
+def bake_gltf(file: ReadableBuffer, *, name: str = "input", progress: Callable[[int, int], object] | None = None,
+              cancelled: Callable[[], object] | None = None, **options: Unpack[GltfBakeOptions]) -> tuple[bytes, GltfReport]:
+    """Bakes the alpha-tested primitives of a glTF file in memory. Returns the file with micromaps, a .glb for a .glb, a .gltf
+    with its micromaps inside for a .gltf, and a report. Everything else stays byte for byte.
+
+    file: the bytes of a .glb or .gltf.
+    name: for messages, and the path to which files that a .gltf names are relative.
+    progress, cancelled: as for bake().
+    options: of GltfBakeOptions, by name. Methods of the cache are called on this thread.
+
+    Raises as bake() does, and Error with Result.ERROR_FILE if the file is invalid.
+    """
+    bake = _FileBake(progress, cancelled, False, dict(options))
+    memory, parts = Memory(view_of("file", file)), []
+    output = _native.OUTPUT(lambda user_data, start, size: parts.append(_native.copied(start, size)))
+    bake.call.run(_native.library("vellum_gltf").vellumBakeGltfMemory, memory.address, memory.size, _native.text("name", name),
+                  byref(bake.call.options), byref(bake.options), output, byref(bake.info))
+    return b"".join(parts), bake.report()
+
+
+def bake_gltf_file(input: Path, output: Path, *, embed: bool = False, progress: Callable[[int, int], object] | None = None,
+                   cancelled: Callable[[], object] | None = None, **options: Unpack[GltfBakeOptions]) -> GltfReport:
+    """Bakes the alpha-tested primitives of a glTF file and writes the file with their micromaps, whole or not at all.
+
+    input, output: paths of two different files, both .glb or both .gltf. Micromaps of tree.gltf are written to
+        tree.omm-<digest>.bin beside the output; files that a .gltf refers to are copied if that is in another folder. An
+        existing output is replaced.
+    embed: micromaps of a .gltf are written into it, in a data URI.
+    progress, cancelled, options: as for bake_gltf().
+
+    Raises as bake_gltf() does; Result.ERROR_FILE also if a file cannot be written.
+    """
+    bake = _FileBake(progress, cancelled, embed, dict(options))
+    bake.call.run(_native.library("vellum_gltf").vellumBakeGltf, _native.text("input", input), _native.text("output", output),
+                  byref(bake.call.options), byref(bake.options), byref(bake.info))
+    return bake.report()
