@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The version, from the C header, and the libraries: those of the folder $VELLUM_LIBRARY_PATH become part of the wheel, which then is
-for this platform. Without, the wheel is for every platform, and uses the libraries of the system."""
+"""Builds the package with the version of the C header. The libraries of the folder $VELLUM_LIBRARY_PATH become part of it, and a wheel
+is for this platform. Without, a wheel is for every platform, and uses the libraries of the system."""
 import os
 import pathlib
 import re
@@ -30,10 +30,11 @@ def files():
 class Build(build_py):
     def run(self):
         super().run()
-        for name in files() if LIBRARIES else ():
-            target = pathlib.Path(self.build_lib, "vellum", name)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(pathlib.Path(LIBRARIES, name), target)
+        if LIBRARIES:
+            base, gltf = files()
+            shutil.copy(pathlib.Path(LIBRARIES, base), pathlib.Path(self.build_lib, "vellum"))
+            if pathlib.Path(LIBRARIES, gltf).exists():  # not so in a build of libvellum alone
+                shutil.copy(pathlib.Path(LIBRARIES, gltf), pathlib.Path(self.build_lib, "vellum"))
 
 
 class Packaged(Distribution):

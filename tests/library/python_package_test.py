@@ -104,14 +104,13 @@ class Package(unittest.TestCase):
             return run(sys.executable, "-m", "mypy", "--strict", "--enable-incomplete-feature=Unpack", "--cache-dir", self.folder / "mypy",
                        "--python-executable", self.plain, *files, folder=self.folder, status=status)
 
-        check(self.source / "vellum")
         program = self.folder / "program.py"
         text = ("import vellum\n\ncard = vellum.BakeInput(vellum.Texture(b'0000', 2, 2), bytes(24), uv_format=83)\n"
                 "micromap = vellum.bake([card], level=3, progress=lambda done, total: print(done / total))\n"
                 "size: int = len(micromap.data) + micromap.usages[0].count\n"
                 "files, report = vellum.bake_gltf(b'', cache={}, blend=True)\n")
         program.write_text(text)
-        check(program)
+        check(self.source / "vellum", program)
         program.write_text(text + "vellum.bake(card, levle=3)\nvellum.bake(card, level='3')\nmicromap.date\nreport + 1\n")
         found = check(program, status=1)
         for line in range(7, 11):

@@ -22,8 +22,8 @@ EXPORTS = ("src/library/exports.map", "src/gltflibrary/exports.map")
 SETUP = "scripts/setup"
 CONTROL = "debian/control"
 PAGE = "docs/install.md"
-# debhelper comes with packaging, g++ with every Debian build.
-OF_PACKAGING = {"debhelper-compat"}
+# debhelper and its parts come with packaging, g++ with every Debian build.
+OF_PACKAGING = {"debhelper-compat", "dh-sequence-python3"}
 OF_EVERY_BUILD = {"g++"}
 FILES = (HEADER, SYMBOLS, SETUP, CONTROL, PAGE, *EXPORTS, *(name for name, _ in VERSIONS))
 

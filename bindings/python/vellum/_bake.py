@@ -367,7 +367,7 @@ def bake(inputs: BakeInput | Sequence[BakeInput], *, progress: Callable[[int, in
     max_data_size (ERROR_TOO_LARGE) or memory runs out; Cancelled; TypeError for an option that does not exist.
     """
     given = [inputs] if isinstance(inputs, BakeInput) else list(inputs)
-    call = _native.LongCall(progress, cancelled)
+    call = _native.LongCall(progress, cancelled, given)
     set_options(call.options, BakeOptions, dict(options))
     handle = c_void_p()
     structures = (_native.BakeInput * len(given))(*(one.structure for one in given))

@@ -170,8 +170,8 @@ class _FileBake:
     """The arguments that files and memory share."""
 
     def __init__(self, progress: Callable[[int, int], object] | None, cancelled: Callable[[], object] | None, embed: bool,
-                 given: dict[str, Any]) -> None:
-        self.call = _native.LongCall(progress, cancelled)
+                 given: dict[str, Any], read: object = None) -> None:
+        self.call = _native.LongCall(progress, cancelled, read)
         self.options = _native.GltfBakeOptions()
         library = _native.library("vellum_gltf")
         library.vellumInitGltfBakeOptions(byref(self.options), sizeof(self.options))
@@ -224,8 +224,8 @@ def bake_gltf(file: ReadableBuffer, *, name: str = "input", progress: Callable[[
 
     Raises as bake() does, and Error with Result.ERROR_FILE if the file is invalid.
     """
-    bake = _FileBake(progress, cancelled, False, dict(options))
     memory, parts = Memory(view_of("file", file)), []
+    bake = _FileBake(progress, cancelled, False, dict(options), memory)
     output = _native.OUTPUT(lambda user_data, start, size: parts.append(_native.copied(start, size)))
     bake.call.run(_native.library("vellum_gltf").vellumBakeGltfMemory, memory.address, memory.size, _native.text("name", name),
                   byref(bake.call.options), byref(bake.options), output, byref(bake.info))

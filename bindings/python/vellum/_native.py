@@ -254,7 +254,9 @@ class LongCall:
 
     POLL = 0.05  # seconds
 
-    def __init__(self, progress: Callable[[int, int], object] | None, cancelled: Callable[[], object] | None) -> None:
+    def __init__(self, progress: Callable[[int, int], object] | None, cancelled: Callable[[], object] | None,
+                 read: object) -> None:
+        self._read = read  # kept as long as the library's threads run
         self.options = BakeOptions()
         library("vellum").vellumInitBakeOptions(ctypes.byref(self.options), ctypes.sizeof(self.options))
         self._messages = Messages()
