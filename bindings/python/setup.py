@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Builds the package with the version of the C header. The libraries of the folder $VELLUM_LIBRARY_PATH become part of it, and a wheel
-is for this platform. Without, a wheel is for every platform, and uses the libraries of the system."""
+"""Builds the package with the version of the C header. The libraries of the folder $VELLUM_LIBRARY_PATH become part of it,
+and a wheel is for this platform. Without, a wheel is for every platform, and uses the libraries of the system."""
 import os
 import pathlib
 import re

@@ -5,6 +5,7 @@
 usage: python_test.py <folder of the libraries> <vellum> [unittest's arguments]
 """
 import _thread
+import copy
 import json
 import os
 import pathlib
@@ -157,7 +158,7 @@ class Interface(Case):
 
     def test_options_are_members(self):
         members = {name for name, _ in _native.BakeOptions._fields_}
-        own = set(vellum.BakeOptions.__annotations__)
+        own = set(vellum.BakeOptions.__optional_keys__)
         self.assertEqual(own - members, {"disallow_mixed_special_indices"})
         self.assertEqual(members - own, {"struct_size", "flags", "reserved", "message", "progress", "cancelled", "user_data"})
 
@@ -267,6 +268,8 @@ class Input(Case):
                 (r"levels has the shape \(3,\), expected \(2,\)", lambda: mesh(levels=bytes(3)))):
             with self.subTest(text):
                 self.rejects(ValueError, text, make)
+        self.rejects(TypeError, "textures: expected Texture, or a list of them, not bytes", vellum.BakeInput, [ALPHA], uvs)
+        self.rejects(TypeError, "inputs: expected BakeInput, or a list of them, not Texture", vellum.bake, [texture()])
         self.rejects(TypeError, "width is 2.0", texture, ALPHA, 2.0, 2)
         self.rejects(TypeError, "scale is '1'", texture, scale="1")
 
@@ -347,6 +350,9 @@ class Results(Case):
         for wrong in (-1, 4):
             self.rejects(IndexError, f"no triangle {wrong} of 4", micromap.state, wrong, 0, 0)
         self.assertEqual(len(vellum.bake([]).indices), 0)
+        another = copy.copy(micromap)
+        del micromap
+        self.assertIs(another.state(3, 0.2, 0.2), vellum.State.OPAQUE)
         two = vellum.bake(mesh(), level=3, format=vellum.MicromapFormat.TWO_STATE,
                           two_state_rule=vellum.TwoStateRule.UNKNOWN_IS_OPAQUE)
         self.assertEqual(two.state_counts[2:], [0, 0])
@@ -368,8 +374,8 @@ class Results(Case):
 
     def test_errors_can_be_pickled(self):
         error = self.rejects(vellum.Error, "level is 13", vellum.bake, mesh(), level=13)
-        copy = pickle.loads(pickle.dumps(error))
-        self.assertEqual((type(copy), copy.result, str(copy)), (vellum.Error, error.result, str(error)))
+        same = pickle.loads(pickle.dumps(error))
+        self.assertEqual((type(same), same.result, str(same)), (vellum.Error, error.result, str(error)))
 
 
 class Callbacks(Case):
@@ -458,8 +464,8 @@ class Files(Case):
     def test_files_have_the_bytes_of_the_command(self):
         native = self.folder / "native.glb"
         for flags, options in (([], {}), (["--level", "3"], {"level": 3}), (["--states", "2"], {"format": 1}),
-                               (["--budget", "20000"], {"budget": 20000}), (["--exact"], dict.fromkeys(
-                                   ("value_tolerance", "subtexel_tolerance", "barycentric_tolerance", "interpolation_tolerance"), 0))):
+                               (["--budget", "20000"], {"budget": 20000}), (["--exact"], {
+                                   name: 0 for name in vellum.BakeOptions.__optional_keys__ if name.endswith("_tolerance")})):
             self.command("bake", "--quiet", "--force", *flags, self.tree, native)
             made, report = vellum.bake_gltf(self.bytes, **options)
             self.assertEqual(made, native.read_bytes(), flags)
@@ -526,7 +532,12 @@ class Files(Case):
         for callbacks in ({"progress": lambda *_: True}, {"cancelled": lambda: True}):
             self.rejects(vellum.Cancelled, "cancelled", vellum.bake_gltf_file, self.tree, output, **callbacks)
             self.rejects(vellum.Cancelled, "cancelled", vellum.bake_gltf, self.bytes, **callbacks)
-        self.assertFalse(output.exists())
+
+        def fails_at_the_end(done, total):
+            if done == total:
+                raise KeyError("mine")
+        self.rejects(KeyError, "mine", vellum.bake_gltf_file, self.tree, output, progress=fails_at_the_end)
+        self.assertEqual(sorted(path.name for path in self.folder.iterdir() if path.name.startswith("cancelled")), [])
 
     def test_cache(self):
         cache = {}

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import ctypes
 import weakref
-from ctypes import byref, c_uint32, c_void_p, sizeof
+from ctypes import byref, c_uint32, sizeof
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, Callable, Iterable, Sequence, TypedDict
+from typing import TYPE_CHECKING, Any, Callable, Iterable, TypedDict, TypeVar, Unpack, cast
 
 from . import _native
 from ._buffers import Element, Memory, element_of, require_element, require_shape, view_of
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
-    from typing_extensions import Unpack
 
 
 class Format(IntEnum):
@@ -93,44 +92,73 @@ NO_BUDGET = 2**64 - 1
 _INDEX_TYPES = {1: 1000265000, 2: 0, 4: 1}  # VkIndexType by bytes of an index
 _DISALLOW_MIXED_SPECIAL_INDICES = 1
 
+T = TypeVar("T")
 _BYTES: Element = ("u", 1)
 _ALPHA = {("u", 1): Format.R8_UNORM, ("u", 2): Format.R16_UNORM, ("f", 2): Format.R16_SFLOAT, ("f", 4): Format.R32_SFLOAT}
 _UVS = {("f", 4): Format.R32G32_SFLOAT, ("f", 2): Format.R16G16_SFLOAT, ("u", 2): Format.R16G16_UNORM}
 
 
 class QualityOptions(TypedDict, total=False):
-    """Options of all bakes."""
+    """Options of all bakes.
 
-    format: int  # a MicromapFormat; default FOUR_STATE
-    two_state_rule: int  # a TwoStateRule; default NEAREST
-    level: int  # subdivision level, 0 to 12, or LEVEL_AUTOMATIC, the default
-    max_level: int  # the highest automatic level, 0 to 12; default 8
-    texels_per_edge: float  # for automatic levels: edges of micro-triangles in texels, 0 or more; default 4
-    budget: int  # the most bytes of data, with 8 for each micromap triangle; default NO_BUDGET
-    min_known: float  # share of a 4-state triangle that must be known for it to get data, 0 to 1; default 0
-    value_tolerance: float  # of a filtered value, 0 or more; default 2/255
-    subtexel_tolerance: float  # in texels, 0 to 1024; default 1/16
-    barycentric_tolerance: float  # in barycentrics, 0 to 1; default 1e-5
-    interpolation_tolerance: float  # relative to the largest coordinate, 0 to 2^-10; default 2^-20
-    max_data_size: int  # bytes of data, at most 2^32 - 1, above which a bake fails; default 2^30
-    threads: int  # 1 to 1024; 0, the default: one for each processor
+    format: a MicromapFormat; default FOUR_STATE.
+    two_state_rule: a TwoStateRule; default NEAREST.
+    level: subdivision level, 0 to 12, or LEVEL_AUTOMATIC, the default.
+    max_level: the highest automatic level, 0 to 12; default 8.
+    texels_per_edge: for automatic levels, the edges of micro-triangles in texels, 0 or more; default 4.
+    budget: the most bytes of data, with 8 for each micromap triangle; default NO_BUDGET.
+    min_known: share of a 4-state triangle that must be known for it to get data, 0 to 1; default 0.
+    value_tolerance: of a filtered value, 0 or more; default 2/255.
+    subtexel_tolerance: in texels, 0 to 1024; default 1/16.
+    barycentric_tolerance: in barycentrics, 0 to 1; default 1e-5.
+    interpolation_tolerance: relative to the largest coordinate, 0 to 2^-10; default 2^-20.
+    max_data_size: bytes of data, at most 2^32 - 1, above which a bake fails; default 2^30.
+    threads: 1 to 1024; 0, the default: one for each processor.
+    """
+
+    format: int
+    two_state_rule: int
+    level: int
+    max_level: int
+    texels_per_edge: float
+    budget: int
+    min_known: float
+    value_tolerance: float
+    subtexel_tolerance: float
+    barycentric_tolerance: float
+    interpolation_tolerance: float
+    max_data_size: int
+    threads: int
 
 
 class BakeOptions(QualityOptions, total=False):
-    """Options of bake()."""
+    """Options of bake(), in addition to QualityOptions.
 
-    compare_op: int  # a CompareOp; default GREATER_OR_EQUAL
-    disallow_mixed_special_indices: bool  # all triangles of an input have special indices, or none has; default False
+    compare_op: a CompareOp; default GREATER_OR_EQUAL.
+    disallow_mixed_special_indices: either all triangles of an input have special indices or none has; default False.
+    """
+
+    compare_op: int
+    disallow_mixed_special_indices: bool
 
 
-def set_options(options: _native.BakeOptions, allowed: type, members: dict[str, Any]) -> None:
+def set_options(options: _native.BakeOptions, allowed: frozenset[str], members: dict[str, Any]) -> None:
     for name in members:
-        if name not in allowed.__annotations__:
-            raise TypeError(f"there is no option {name!r}; there are {', '.join(sorted(allowed.__annotations__))}")
+        if name not in allowed:
+            raise TypeError(f"there is no option {name!r}; there are {', '.join(sorted(allowed))}")
     members = dict(members)
     if members.pop("disallow_mixed_special_indices", False):
         members["flags"] = _DISALLOW_MIXED_SPECIAL_INDICES
     _native.set_members(options, **members)
+
+
+def list_of(name: str, kind: type[T], given: T | Iterable[T]) -> list[T]:
+    """What may be one or several."""
+    found = [given] if isinstance(given, kind) else list(cast(Iterable[T], given))
+    for one in found:
+        if not isinstance(one, kind):
+            raise TypeError(f"{name}: expected {kind.__name__}, or a list of them, not {type(one).__name__}")
+    return found
 
 
 class Texture:
@@ -205,10 +233,10 @@ class BakeInput:
     Raises as Texture does. The memory must not change before bake() returns.
     """
 
-    def __init__(self, textures: Texture | Sequence[Texture], uvs: ReadableBuffer, indices: ReadableBuffer | None = None, *,
+    def __init__(self, textures: Texture | Iterable[Texture], uvs: ReadableBuffer, indices: ReadableBuffer | None = None, *,
                  uv_format: int | None = None, uv_stride: int = 0, uv_transform: Iterable[float] | None = None,
                  levels: ReadableBuffer | None = None, formats: ReadableBuffer | None = None, cutoff: float = 0.5) -> None:
-        self._textures = [textures] if isinstance(textures, Texture) else list(textures)
+        self._textures = list_of("textures", Texture, textures)
         self.structure = _native.BakeInput()
         _native.library("vellum").vellumInitBakeInput(byref(self.structure), sizeof(self.structure))
         self.structure.textures = (_native.Texture * len(self._textures))(*(t.structure for t in self._textures))
@@ -319,10 +347,10 @@ class Micromap:
     distinct_count: triangles that differ in coordinates, textures, level or format.
     """
 
-    def __init__(self, handle: c_void_p, inputs: int) -> None:
+    def __init__(self, handle: _native.Handle, inputs: int) -> None:
         library = _native.library("vellum")
-        self._handle = handle
-        weakref.finalize(self, library.vellumDestroyMicromap, handle)
+        self._handle = handle  # which copies of this object share
+        weakref.finalize(handle, library.vellumDestroyMicromap, handle.value)
         info = _native.MicromapInfo(struct_size=sizeof(_native.MicromapInfo))
         _native.check(library.vellumGetMicromapInfo(handle, byref(info)))
         self.data = _native.copied(info.data, info.data_size)
@@ -352,7 +380,7 @@ class Micromap:
         return State(state.value)
 
 
-def bake(inputs: BakeInput | Sequence[BakeInput], *, progress: Callable[[int, int], object] | None = None,
+def bake(inputs: BakeInput | Iterable[BakeInput], *, progress: Callable[[int, int], object] | None = None,
          cancelled: Callable[[], object] | None = None, **options: Unpack[BakeOptions]) -> Micromap:
     """Bakes one micromap for the triangles of all inputs; triangles with equal states share data, also across inputs.
 
@@ -366,10 +394,10 @@ def bake(inputs: BakeInput | Sequence[BakeInput], *, progress: Callable[[int, in
     Raises Error if an option or an input is out of range (Result.ERROR_INVALID_ARGUMENT), if the data would exceed
     max_data_size (ERROR_TOO_LARGE) or memory runs out; Cancelled; TypeError for an option that does not exist.
     """
-    given = [inputs] if isinstance(inputs, BakeInput) else list(inputs)
+    given = list_of("inputs", BakeInput, inputs)
     call = _native.LongCall(progress, cancelled, given)
-    set_options(call.options, BakeOptions, dict(options))
-    handle = c_void_p()
+    set_options(call.options, BakeOptions.__optional_keys__, dict(options))
+    handle = _native.Handle()
     structures = (_native.BakeInput * len(given))(*(one.structure for one in given))
     call.run(_native.library("vellum").vellumBake, structures, len(given), byref(call.options), byref(handle))
     return Micromap(handle, len(given))

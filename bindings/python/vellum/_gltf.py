@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from ctypes import byref, c_char_p, c_void_p, sizeof
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Callable, MutableMapping, NamedTuple, Sequence, Union
+from typing import TYPE_CHECKING, Any, Callable, MutableMapping, NamedTuple, Sequence, Union, Unpack
 
 from . import _native
 from ._bake import QualityOptions, Usage, indices_of, set_options, usages_of
@@ -13,7 +13,6 @@ from ._buffers import Memory, view_of
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
-    from typing_extensions import Unpack
 
 Path = Union[str, "os.PathLike[str]"]
 _BLEND, _EMBED, _BLEND_CUTOFF = 1, 2, 4
@@ -87,14 +86,20 @@ class GltfReport:
 
 
 class GltfBakeOptions(QualityOptions, total=False):
-    """Options of bake_gltf() and bake_gltf_file(). The budget is for the whole file, max_data_size for each micromap, or,
-    with a budget, for all of them."""
+    """Options of bake_gltf() and bake_gltf_file(), in addition to QualityOptions. The budget is for the whole file, max_data_size
+    for each micromap, or, with a budget, for all of them.
 
-    blend: bool  # also bakes alphaMode BLEND: opaque only where alpha is 1, transparent only where it is 0
-    blend_cutoff: float  # bakes it as a mask with this cutoff instead, finite; wrong for renderers that blend
-    excluded_materials: Sequence[str]  # names of materials that are not baked; shell patterns: * ? [...]
-    excluded_meshes: Sequence[str]  # the same for meshes
-    cache: MutableMapping[bytes, bytes]  # results by keys of 32 bytes, such as a dict; asked before anything is baked
+    blend: also bakes alphaMode BLEND: opaque only where alpha is 1, transparent only where it is 0; default False.
+    blend_cutoff: bakes it as a mask with this cutoff instead, finite; wrong for renderers that blend.
+    excluded_materials, excluded_meshes: names of those that are not baked; shell patterns: * ? [...].
+    cache: results by keys of 32 bytes, such as a dict. It is asked before anything is baked.
+    """
+
+    blend: bool
+    blend_cutoff: float
+    excluded_materials: Sequence[str]
+    excluded_meshes: Sequence[str]
+    cache: MutableMapping[bytes, bytes]
 
 
 def _note_list() -> tuple[list[GltfNote], Any]:
@@ -175,9 +180,9 @@ class _FileBake:
         self.options = _native.GltfBakeOptions()
         library = _native.library("vellum_gltf")
         library.vellumInitGltfBakeOptions(byref(self.options), sizeof(self.options))
-        own = {name: given.pop(name) for name in GltfBakeOptions.__annotations__.keys() - QualityOptions.__annotations__.keys()
-               if name in given}
-        set_options(self.call.options, QualityOptions, given)
+        names = GltfBakeOptions.__optional_keys__
+        own = {name: given.pop(name) for name in names - QualityOptions.__optional_keys__ if name in given}
+        set_options(self.call.options, names, given)
         self.options.flags = (_BLEND if own.get("blend") else 0) | (_EMBED if embed else 0)
         if own.get("blend_cutoff") is not None:
             self.options.flags |= _BLEND | _BLEND_CUTOFF

@@ -56,6 +56,10 @@ OUTPUT = ctypes.CFUNCTYPE(None, c_void_p, c_void_p, c_size_t)
 CACHE_KEY_SIZE = 32
 
 
+class Handle(c_void_p):
+    """Of an object of the library. Unlike c_void_p itself, something can be attached to its end."""
+
+
 class Texture(ctypes.Structure):
     _fields_ = [("struct_size", c_size_t), ("texels", c_void_p), ("texels_size", c_size_t), ("width", c_uint32),
                 ("height", c_uint32), ("format", c_uint32), ("filter", c_uint32), ("address_mode_u", c_uint32),
@@ -269,7 +273,8 @@ class LongCall:
         self.options.cancelled = ctypes.cast(library("vellum").vellumIsFlagSet, CANCEL)
         if progress is not None:
             function = progress
-            self.options.progress = PROGRESS(lambda user_data, done, total: 1 if self.ask(function, done, total) else 0)
+            self.options.progress = PROGRESS(
+                lambda user_data, done, total: 1 if self.ask(function, done, total) or self._flag.value else 0)
 
     def ask(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Called by the library's threads: the result of a function that runs on the thread that called; None once the call
