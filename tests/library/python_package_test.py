@@ -22,7 +22,8 @@ NEEDED = ["ensurepip", "pip", "setuptools"]
 
 def run(*words, folder=None, status=0, **environment):
     """The output of a command, which is not to find anything but what is given to it."""
-    kept = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "VELLUM_LIBRARY_PATH", "VIRTUAL_ENV")}
+    hidden = ("LD_LIBRARY_PATH", "PYTHONPATH", "VELLUM_LIBRARY_PATH", "VIRTUAL_ENV")
+    kept = {name: value for name, value in os.environ.items() if name not in hidden}
     done = subprocess.run([str(word) for word in words], env={**kept, **environment}, cwd=folder, text=True, timeout=300,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     if done.returncode != status:
@@ -105,7 +106,8 @@ class Package(unittest.TestCase):
     def test_types(self):
         def check(*files, status=0):
             return run(sys.executable, "-m", "mypy", "--strict", "--enable-incomplete-feature=Unpack",
-                       "--cache-dir", self.folder / "mypy", "--python-executable", self.plain, *files, folder=self.folder, status=status)
+                       "--cache-dir", self.folder / "mypy", "--python-executable", self.plain, *files,
+                       folder=self.folder, status=status)
 
         program = self.folder / "program.py"
         text = ("import vellum\n\ncard = vellum.BakeInput(vellum.Texture(b'0000', 2, 2), bytes(24), uv_format=83)\n"

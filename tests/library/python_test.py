@@ -176,7 +176,7 @@ class Input(Case):
         self.assertTrue(self.expected[1])
 
     def test_indices(self):
-        for indices in (bytes(INDICES), array("b", INDICES), array("h", INDICES), array("H", INDICES), array("i", INDICES),
+        for indices in (bytes(INDICES), memoryview(bytes(INDICES[::-1]))[::-1], array("b", INDICES), array("h", INDICES), array("H", INDICES), array("i", INDICES),
                         array("I", INDICES), memoryview(bytes(array("I", INDICES))).cast("I", (2, 3))):
             self.assertEqual(baked(mesh(indices=indices)), self.expected)
         self.assertEqual(mesh(indices=b"").triangle_count, 0)
@@ -404,10 +404,16 @@ class Callbacks(Case):
         self.assertEqual(len(baked(mesh())[0]), 2)
 
     def test_threads_run_while_it_bakes_and_cancel_it(self):
-        done = threading.Event()
+        done, polls = threading.Event(), []
         thread = threading.Thread(target=lambda: (sum(range(10**6)), done.set()))
-        thread.start()
-        self.rejects(vellum.Cancelled, "cancelled", vellum.bake, long_bake(), level=12, cancelled=done.is_set)
+
+        def cancelled():
+            polls.append(0)
+            if len(polls) == 2:  # the first is before the bake
+                thread.start()
+            return done.is_set()
+
+        self.rejects(vellum.Cancelled, "cancelled", vellum.bake, long_bake(), level=12, cancelled=cancelled)
         thread.join()
         self.rejects(vellum.Cancelled, "cancelled", vellum.bake, mesh(), cancelled=lambda: True)
 

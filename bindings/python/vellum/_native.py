@@ -273,8 +273,7 @@ class LongCall:
         self.options.cancelled = ctypes.cast(library("vellum").vellumIsFlagSet, CANCEL)
         if progress is not None:
             function = progress
-            self.options.progress = PROGRESS(
-                lambda user_data, done, total: 1 if self.ask(function, done, total) or self._flag.value else 0)
+            self.options.progress = PROGRESS(lambda user_data, done, total: 1 if self.ask(function, done, total) else 0)
 
     def ask(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Called by the library's threads: the result of a function that runs on the thread that called; None once the call
