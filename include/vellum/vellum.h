@@ -220,8 +220,8 @@ typedef int (*VellumProgressCallback)(void *userData, uint64_t done, uint64_t to
 // same time; it should cost no more than reading an atomic variable.
 typedef int (*VellumCancelCallback)(void *userData);
 
-// A VellumCancelCallback for languages whose own callbacks are slow: returns other than 0 once the int32_t at userData is
-// not 0, which another thread may write at any time. Null is like 0.
+// A VellumCancelCallback for languages whose own callbacks are slow: returns other than 0 once the int32_t at userData
+// is not 0, which another thread may write at any time. Null is like 0.
 VELLUM_API int vellumIsFlagSet(void *userData);
 
 typedef struct VellumBakeOptions {
