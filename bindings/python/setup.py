@@ -31,10 +31,12 @@ class Build(build_py):
     def run(self):
         super().run()
         if LIBRARIES:
-            base, gltf = files()
-            shutil.copy(pathlib.Path(LIBRARIES, base), pathlib.Path(self.build_lib, "vellum"))
-            if pathlib.Path(LIBRARIES, gltf).exists():  # not so in a build of libvellum alone
-                shutil.copy(pathlib.Path(LIBRARIES, gltf), pathlib.Path(self.build_lib, "vellum"))
+            base, gltf = (pathlib.Path(LIBRARIES, name) for name in files())
+            if not base.is_absolute() or not base.exists():
+                raise SystemExit(f"VELLUM_LIBRARY_PATH is not the absolute path of a folder that has {base.name}: {LIBRARIES}")
+            shutil.copy(base, pathlib.Path(self.build_lib, "vellum"))
+            if gltf.exists():  # not so in a build of libvellum alone
+                shutil.copy(gltf, pathlib.Path(self.build_lib, "vellum"))
 
 
 class Packaged(Distribution):

@@ -93,14 +93,22 @@ class Package(unittest.TestCase):
 
     @unittest.skipIf(importlib.util.find_spec("numpy") is None, "numpy is not installed")
     def test_page(self):
-        """The blocks of the page, one after the other, as one program."""
+        """The page's command, and its blocks of code, one after the other, as one program."""
         text = (ROOT / "docs/python.md").read_text(encoding="utf-8")
+        install, = re.findall(r"^```sh\n(.*?)^```", text, re.M | re.S)
+        python, root = self.environment("page", "--system-site-packages"), self.folder / "source"
+        (root / "build/release").mkdir(parents=True)
+        (root / "build/release/lib").symlink_to(LIBRARIES)
+        pip = f"{python} -m pip install --no-build-isolation --no-index"
+        run("sh", "-c", install.replace("pip install", pip), folder=root)
+        self.assertIn("not the absolute path of a folder that has libvellum", run(
+            "sh", "-c", install.replace("pip install", pip).replace("$PWD/", ""), folder=root, status=1))
         blocks = re.findall(r"^```python\n(.*?)^```", text, re.M | re.S)
         self.assertGreater(len(blocks), 3)
         run(sys.executable, ROOT / "examples/python/tree.py", self.folder / "tree.glb")
         program = self.folder / "page.py"
         program.write_text("import numpy\nimage = numpy.zeros((64, 64, 4), 'u1')\nimage[16:48, 16:48] = 255\n" + "\n".join(blocks))
-        run(self.plain, "-W", "error", program, folder=self.folder, VELLUM_LIBRARY_PATH=LIBRARIES)
+        run(python, "-W", "error", program, folder=self.folder)
 
     @unittest.skipIf(importlib.util.find_spec("mypy") is None, "mypy is not installed")
     def test_types(self):
