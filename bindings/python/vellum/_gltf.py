@@ -234,7 +234,10 @@ def bake_gltf(file: ReadableBuffer, *, name: str = "input", progress: Callable[[
     output = _native.OUTPUT(lambda user_data, start, size: parts.append(_native.copied(start, size)))
     bake.call.run(_native.library("vellum_gltf").vellumBakeGltfMemory, memory.address, memory.size, _native.text("name", name),
                   byref(bake.call.options), byref(bake.options), output, byref(bake.info))
-    return b"".join(parts), bake.report()
+    data, report = b"".join(parts), bake.report()
+    if len(data) != report.output_size:  # a callback cannot raise
+        raise MemoryError("the output does not fit into memory")
+    return data, report
 
 
 def bake_gltf_file(input: Path, output: Path, *, embed: bool = False, progress: Callable[[int, int], object] | None = None,

@@ -327,6 +327,7 @@ class LongCall:
         finally:
             self._flag.value = 1
             thread.join()
+        self._read = None  # the callbacks refer to this object, so that it lives until it is collected
         if failure is not None:
             raise failure
         check(results[0], self._messages.text)
