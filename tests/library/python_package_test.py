@@ -24,7 +24,7 @@ def run(*words, folder=None, status=0, **environment):
     """The output of a command, which is not to find anything but what is given to it."""
     hidden = ("LD_LIBRARY_PATH", "PYTHONPATH", "VELLUM_LIBRARY_PATH", "VIRTUAL_ENV")
     kept = {name: value for name, value in os.environ.items() if name not in hidden}
-    done = subprocess.run([str(word) for word in words], env={**kept, **environment}, cwd=folder, text=True, timeout=300,
+    done = subprocess.run([str(word) for word in words], env={**kept, **environment}, cwd=folder, text=True,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     if done.returncode != status:
         raise AssertionError(f"{' '.join(map(str, words))}: status {done.returncode}\n{done.stdout}")
