@@ -133,10 +133,19 @@ void readInto(Descriptor &descriptor, std::string &text)
     }
 }
 
+// The signals that end programs. sigabbrev_np, which knows all, is new in glibc 2.32.
 std::string nameOfSignal(int signal)
 {
-    const char *name = sigabbrev_np(signal);
-    return name != nullptr ? std::string("SIG") + name : "signal " + std::to_string(signal);
+    constexpr std::pair<int, const char *> kNames[] = {
+        {SIGHUP, "SIGHUP"},   {SIGINT, "SIGINT"},   {SIGQUIT, "SIGQUIT"}, {SIGILL, "SIGILL"},   {SIGTRAP, "SIGTRAP"},
+        {SIGABRT, "SIGABRT"}, {SIGBUS, "SIGBUS"},   {SIGFPE, "SIGFPE"},   {SIGKILL, "SIGKILL"}, {SIGUSR1, "SIGUSR1"},
+        {SIGSEGV, "SIGSEGV"}, {SIGUSR2, "SIGUSR2"}, {SIGPIPE, "SIGPIPE"}, {SIGALRM, "SIGALRM"}, {SIGTERM, "SIGTERM"},
+        {SIGXCPU, "SIGXCPU"}, {SIGXFSZ, "SIGXFSZ"}, {SIGSYS, "SIGSYS"},
+    };
+    for (const auto &[number, name] : kNames)
+        if (number == signal)
+            return name;
+    return "signal " + std::to_string(signal);
 }
 
 std::vector<char *> pointersTo(std::vector<std::string> &words)
