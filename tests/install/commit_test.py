@@ -13,7 +13,7 @@ import tempfile
 import unittest
 
 options = argparse.Namespace()
-FILES = [".gitattributes", "cmake/commit.cmake", "cmake/commit.txt", "include/vellum/vellum.h", "scripts/archive"]
+FILES = [".gitattributes", "cmake/commit.cmake", "cmake/commit.txt", "include/vellum/vellum.h", "scripts/archive", "scripts/phase"]
 
 
 def run(*command, folder=None):
