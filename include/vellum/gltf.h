@@ -41,17 +41,18 @@ typedef struct VellumGltf VellumGltf;
 //   gltf      receives the result, to be destroyed by vellumDestroyGltf(); null after an error
 //
 // VELLUM_ERROR_FILE also if a micromap breaks a rule of the extension; the message is the first finding.
-VELLUM_API VellumResult vellumReadGltf(const char *path, VellumMessageCallback message, void *userData,
-                                       VellumGltf **gltf);
+VELLUM_API VellumResult VELLUM_CALL vellumReadGltf(const char *path, VellumMessageCallback message, void *userData,
+                                                   VellumGltf **gltf);
 
 // The same for the bytes of such a file in memory.
 //
 //   name  for messages, and the path to which files that a .gltf names are relative; not empty
-VELLUM_API VellumResult vellumReadGltfMemory(const void *bytes, size_t size, const char *name,
-                                             VellumMessageCallback message, void *userData, VellumGltf **gltf);
+VELLUM_API VellumResult VELLUM_CALL vellumReadGltfMemory(const void *bytes, size_t size, const char *name,
+                                                         VellumMessageCallback message, void *userData,
+                                                         VellumGltf **gltf);
 
 // `gltf` may be null.
-VELLUM_API void vellumDestroyGltf(VellumGltf *gltf);
+VELLUM_API void VELLUM_CALL vellumDestroyGltf(VellumGltf *gltf);
 
 typedef struct VellumGltfInfo {
     size_t structSize;
@@ -65,7 +66,7 @@ typedef struct VellumGltfInfo {
 // Fills `info`, whose structSize must be set. Members that the library does not know become 0.
 // VELLUM_ERROR_INVALID_ARGUMENT: a pointer is null, or structSize is smaller than in version 0.1. This applies to all
 // vellumGetGltf...Info() functions.
-VELLUM_API VellumResult vellumGetGltfInfo(const VellumGltf *gltf, VellumGltfInfo *info);
+VELLUM_API VellumResult VELLUM_CALL vellumGetGltfInfo(const VellumGltf *gltf, VellumGltfInfo *info);
 
 // Input of a micromap build, ready to copy, as in VellumMicromapInfo.
 typedef struct VellumGltfMicromapInfo {
@@ -79,8 +80,8 @@ typedef struct VellumGltfMicromapInfo {
 } VellumGltfMicromapInfo;
 
 //   micromap  0 to micromapCount - 1, otherwise VELLUM_ERROR_INVALID_ARGUMENT
-VELLUM_API VellumResult vellumGetGltfMicromapInfo(const VellumGltf *gltf, size_t micromap,
-                                                  VellumGltfMicromapInfo *info);
+VELLUM_API VellumResult VELLUM_CALL vellumGetGltfMicromapInfo(const VellumGltf *gltf, size_t micromap,
+                                                              VellumGltfMicromapInfo *info);
 
 // Values that a geometry made of a primitive needs in addition to the micromap.
 typedef struct VellumGltfPrimitiveInfo {
@@ -101,30 +102,30 @@ typedef struct VellumGltfPrimitiveInfo {
 
 // Primitives with a micromap are numbered in the order of meshes, and of primitives in a mesh.
 //   number  0 to primitiveCount - 1, otherwise VELLUM_ERROR_INVALID_ARGUMENT
-VELLUM_API VellumResult vellumGetGltfPrimitiveInfo(const VellumGltf *gltf, size_t number,
-                                                   VellumGltfPrimitiveInfo *info);
+VELLUM_API VellumResult VELLUM_CALL vellumGetGltfPrimitiveInfo(const VellumGltf *gltf, size_t number,
+                                                               VellumGltfPrimitiveInfo *info);
 
 // Returns the number of meshes[mesh].primitives[primitive] for vellumGetGltfPrimitiveInfo(), or VELLUM_GLTF_NO_MICROMAP
 // if it has no micromap, there is no such primitive, or `gltf` is null.
 #define VELLUM_GLTF_NO_MICROMAP SIZE_MAX
-VELLUM_API size_t vellumFindGltfPrimitive(const VellumGltf *gltf, uint32_t mesh, uint32_t primitive);
+VELLUM_API size_t VELLUM_CALL vellumFindGltfPrimitive(const VellumGltf *gltf, uint32_t mesh, uint32_t primitive);
 
 // ---------------------------------------------------------------------------------------------------------- checking
 
 // Something about a place in a file, for people: `mesh 2 "leaves" primitive 0` and a sentence.
-typedef void (*VellumGltfNoteCallback)(void *userData, const char *place, const char *note);
+typedef void(VELLUM_CALL *VellumGltfNoteCallback)(void *userData, const char *place, const char *note);
 
 // Calls `finding` for whatever breaks a rule of the extension, at most `most` times, in the file's order, before it
 // returns. Success, whether there are findings or not, if the file can be read.
 //
 //   message, userData  as vellumReadGltf(); userData is for both callbacks
-VELLUM_API VellumResult vellumCheckGltf(const char *path, size_t most, VellumGltfNoteCallback finding,
-                                        VellumMessageCallback message, void *userData);
+VELLUM_API VellumResult VELLUM_CALL vellumCheckGltf(const char *path, size_t most, VellumGltfNoteCallback finding,
+                                                    VellumMessageCallback message, void *userData);
 
 // The same for the bytes of a file in memory, as vellumReadGltfMemory().
-VELLUM_API VellumResult vellumCheckGltfMemory(const void *bytes, size_t size, const char *name, size_t most,
-                                              VellumGltfNoteCallback finding, VellumMessageCallback message,
-                                              void *userData);
+VELLUM_API VellumResult VELLUM_CALL vellumCheckGltfMemory(const void *bytes, size_t size, const char *name, size_t most,
+                                                          VellumGltfNoteCallback finding, VellumMessageCallback message,
+                                                          void *userData);
 
 // ------------------------------------------------------------------------------------------------------------ baking
 
@@ -155,12 +156,13 @@ typedef enum VellumGltfBakeFlagBits {
 #define VELLUM_GLTF_CACHE_KEY_SIZE 32
 // Takes the value that is found, at most once in each VellumGltfCacheGetCallback. It is copied: `value` needs to be
 // valid during this call only.
-typedef void (*VellumGltfCacheValueCallback)(void *receiver, const void *value, size_t size);
+typedef void(VELLUM_CALL *VellumGltfCacheValueCallback)(void *receiver, const void *value, size_t size);
 // Looks a key up. Calls found(receiver, value, size) before it returns if there is a value; otherwise not.
-typedef void (*VellumGltfCacheGetCallback)(void *userData, const uint8_t *key, VellumGltfCacheValueCallback found,
-                                           void *receiver);
+typedef void(VELLUM_CALL *VellumGltfCacheGetCallback)(void *userData, const uint8_t *key,
+                                                      VellumGltfCacheValueCallback found, void *receiver);
 // Keeps a value for a key, in place of an earlier one. Both are valid during the call.
-typedef void (*VellumGltfCachePutCallback)(void *userData, const uint8_t *key, const void *value, size_t size);
+typedef void(VELLUM_CALL *VellumGltfCachePutCallback)(void *userData, const uint8_t *key, const void *value,
+                                                      size_t size);
 
 typedef struct VellumGltfBakeOptions {
     size_t structSize;
@@ -179,7 +181,7 @@ typedef struct VellumGltfBakeOptions {
     VellumGltfCachePutCallback cachePut;
 } VellumGltfBakeOptions;
 
-VELLUM_API void vellumInitGltfBakeOptions(VellumGltfBakeOptions *options, size_t structSize);
+VELLUM_API void VELLUM_CALL vellumInitGltfBakeOptions(VellumGltfBakeOptions *options, size_t structSize);
 
 // Statistics of vellumBakeGltf().
 typedef struct VellumGltfBakeInfo {
@@ -209,20 +211,21 @@ typedef struct VellumGltfBakeInfo {
 //   info           receives statistics if not null; structSize must be set. Unchanged after an error.
 //
 // Returns VELLUM_SUCCESS, VELLUM_CANCELLED or an error. A file without anything to bake is copied.
-VELLUM_API VellumResult vellumBakeGltf(const char *input, const char *output, const VellumBakeOptions *bake,
-                                       const VellumGltfBakeOptions *options, VellumGltfBakeInfo *info);
+VELLUM_API VellumResult VELLUM_CALL vellumBakeGltf(const char *input, const char *output, const VellumBakeOptions *bake,
+                                                   const VellumGltfBakeOptions *options, VellumGltfBakeInfo *info);
 
 // Takes the next bytes of an output, which are valid during the call.
-typedef void (*VellumGltfOutputCallback)(void *userData, const void *bytes, size_t size);
+typedef void(VELLUM_CALL *VellumGltfOutputCallback)(void *userData, const void *bytes, size_t size);
 
 // The same for a file in memory: calls `output` with the parts of the output, in order, on the thread that called. A
 // .glb becomes a .glb, and a .gltf a .gltf with its micromaps inside (VELLUM_GLTF_BAKE_EMBED_BIT). Nothing is copied.
 //
 //   bytes, size, name  as vellumReadGltfMemory()
 //   output             with userData of `bake`; not called after an error
-VELLUM_API VellumResult vellumBakeGltfMemory(const void *bytes, size_t size, const char *name,
-                                             const VellumBakeOptions *bake, const VellumGltfBakeOptions *options,
-                                             VellumGltfOutputCallback output, VellumGltfBakeInfo *info);
+VELLUM_API VellumResult VELLUM_CALL vellumBakeGltfMemory(const void *bytes, size_t size, const char *name,
+                                                         const VellumBakeOptions *bake,
+                                                         const VellumGltfBakeOptions *options,
+                                                         VellumGltfOutputCallback output, VellumGltfBakeInfo *info);
 
 #ifdef __cplusplus
 }

@@ -52,7 +52,7 @@ typedef struct VellumSpirvOptions {
     void *userData;
 } VellumSpirvOptions;
 
-VELLUM_API void vellumInitSpirvOptions(VellumSpirvOptions *options, size_t structSize);
+VELLUM_API void VELLUM_CALL vellumInitSpirvOptions(VellumSpirvOptions *options, size_t structSize);
 
 typedef struct VellumSpirv VellumSpirv;
 
@@ -65,11 +65,11 @@ typedef struct VellumSpirv VellumSpirv;
 //
 // VELLUM_ERROR_INVALID_ARGUMENT: an argument is outside of the range given here, the module is malformed, it has no
 // entry point of a given name, the mode is needed and the module is older than SPIR-V 1.4, or the constant differs.
-VELLUM_API VellumResult vellumEditSpirv(const uint32_t *words, size_t wordCount, const VellumSpirvOptions *options,
-                                        VellumSpirv **spirv);
+VELLUM_API VellumResult VELLUM_CALL vellumEditSpirv(const uint32_t *words, size_t wordCount,
+                                                    const VellumSpirvOptions *options, VellumSpirv **spirv);
 
 // `spirv` may be null.
-VELLUM_API void vellumDestroySpirv(VellumSpirv *spirv);
+VELLUM_API void VELLUM_CALL vellumDestroySpirv(VellumSpirv *spirv);
 
 // Memory that the functions below return belongs to the VellumSpirv.
 typedef struct VellumSpirvInfo {
@@ -83,7 +83,7 @@ typedef struct VellumSpirvInfo {
 
 // Fills `info`, whose structSize must be set. Members that the library does not know become 0.
 // VELLUM_ERROR_INVALID_ARGUMENT: a pointer is null, or structSize is smaller than in version 0.1.
-VELLUM_API VellumResult vellumGetSpirvInfo(const VellumSpirv *spirv, VellumSpirvInfo *info);
+VELLUM_API VellumResult VELLUM_CALL vellumGetSpirvInfo(const VellumSpirv *spirv, VellumSpirvInfo *info);
 
 // An entry point after the edit.
 typedef struct VellumSpirvEntryPointInfo {
@@ -98,8 +98,8 @@ typedef struct VellumSpirvEntryPointInfo {
 } VellumSpirvEntryPointInfo;
 
 //   number  0 to entryPointCount - 1, otherwise VELLUM_ERROR_INVALID_ARGUMENT
-VELLUM_API VellumResult vellumGetSpirvEntryPointInfo(const VellumSpirv *spirv, size_t number,
-                                                     VellumSpirvEntryPointInfo *info);
+VELLUM_API VellumResult VELLUM_CALL vellumGetSpirvEntryPointInfo(const VellumSpirv *spirv, size_t number,
+                                                                 VellumSpirvEntryPointInfo *info);
 
 #ifdef __cplusplus
 }

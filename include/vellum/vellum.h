@@ -53,6 +53,13 @@
 #define VELLUM_API
 #endif
 
+// The calling convention of functions and callbacks, whatever the default of a compiler is (/Gv, /Gr, /Gz).
+#if defined(_WIN32)
+#define VELLUM_CALL __cdecl
+#else
+#define VELLUM_CALL
+#endif
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -63,11 +70,11 @@ extern "C" {
 #define VELLUM_HEADER_VERSION VELLUM_MAKE_VERSION(0, 1, 0)
 
 // Returns the version of the library in use; VELLUM_HEADER_VERSION is that of this header.
-VELLUM_API uint32_t vellumGetVersion(void);
+VELLUM_API uint32_t VELLUM_CALL vellumGetVersion(void);
 
 // Returns a number that is higher in every version of the library whose results for the same arguments may differ from
 // those of earlier ones. Caches of results need it in their keys.
-VELLUM_API uint32_t vellumGetBakeVersion(void);
+VELLUM_API uint32_t VELLUM_CALL vellumGetBakeVersion(void);
 
 typedef enum VellumResult {
     VELLUM_SUCCESS = 0,
@@ -81,7 +88,7 @@ typedef enum VellumResult {
 } VellumResult;
 
 // Returns the name of a result, such as "VELLUM_ERROR_TOO_LARGE", or "unknown VellumResult". Never null.
-VELLUM_API const char *vellumResultName(VellumResult result);
+VELLUM_API const char *VELLUM_CALL vellumResultName(VellumResult result);
 
 // ---------------------------------------------------------------------------------------------------------- textures
 
@@ -132,7 +139,7 @@ typedef struct VellumTexture {
     float border;       // alpha outside of the texture with CLAMP_TO_BORDER, before `scale`; default 0
 } VellumTexture;
 
-VELLUM_API void vellumInitTexture(VellumTexture *texture, size_t structSize);
+VELLUM_API void VELLUM_CALL vellumInitTexture(VellumTexture *texture, size_t structSize);
 
 // ------------------------------------------------------------------------------------------------------------ inputs
 
@@ -177,7 +184,7 @@ typedef struct VellumBakeInput {
     double cutoff;          // alpha is compared with it; not NaN; default 0.5
 } VellumBakeInput;
 
-VELLUM_API void vellumInitBakeInput(VellumBakeInput *input, size_t structSize);
+VELLUM_API void VELLUM_CALL vellumInitBakeInput(VellumBakeInput *input, size_t structSize);
 
 // ----------------------------------------------------------------------------------------------------------- options
 
@@ -197,10 +204,9 @@ typedef enum VellumTwoStateRule {
 } VellumTwoStateRule;
 
 typedef enum VellumBakeFlagBits {
-    // Either all triangles of an input have special indices or none has, as
-    // VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR requires of a geometry. If any
-    // triangle
-    // needs data, those of one state get data of level 0.
+    // Either all triangles of an input have special indices or none has, as a geometry requires with
+    // VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR. If any triangle needs data, those of
+    // one state get data of level 0.
     VELLUM_BAKE_DISALLOW_MIXED_SPECIAL_INDICES_BIT = 1
 } VellumBakeFlagBits;
 
@@ -212,17 +218,17 @@ typedef enum VellumBakeFlagBits {
 //
 // Describes an error in one sentence, in English and UTF-8; the string is valid during the call. Called at most once,
 // on the thread that called vellumBake(), before that returns `result`.
-typedef void (*VellumMessageCallback)(void *userData, VellumResult result, const char *message);
+typedef void(VELLUM_CALL *VellumMessageCallback)(void *userData, VellumResult result, const char *message);
 // Reports progress: `done` of `total` triangles (with a budget, each counts twice). Called a few hundred times at most,
 // on any thread, but never on two at the same time. A result other than 0 cancels the bake.
-typedef int (*VellumProgressCallback)(void *userData, uint64_t done, uint64_t total);
+typedef int(VELLUM_CALL *VellumProgressCallback)(void *userData, uint64_t done, uint64_t total);
 // Returns other than 0 to cancel the bake. Called between triangles and inside large ones, on several threads at the
 // same time; it should cost no more than reading an atomic variable.
-typedef int (*VellumCancelCallback)(void *userData);
+typedef int(VELLUM_CALL *VellumCancelCallback)(void *userData);
 
 // A VellumCancelCallback for languages whose own callbacks are slow: returns other than 0 once the int32_t at userData
 // is not 0, which another thread may write at any time. Null is like 0.
-VELLUM_API int vellumIsFlagSet(void *userData);
+VELLUM_API int VELLUM_CALL vellumIsFlagSet(void *userData);
 
 typedef struct VellumBakeOptions {
     size_t structSize;
@@ -260,7 +266,7 @@ typedef struct VellumBakeOptions {
     void *userData;
 } VellumBakeOptions;
 
-VELLUM_API void vellumInitBakeOptions(VellumBakeOptions *options, size_t structSize);
+VELLUM_API void VELLUM_CALL vellumInitBakeOptions(VellumBakeOptions *options, size_t structSize);
 
 // ----------------------------------------------------------------------------------------------------------- results
 
@@ -308,11 +314,11 @@ typedef struct VellumMicromap VellumMicromap;
 // Peak memory: the result, an eighth of it (256 KiB to 64 MiB), a few MiB per thread, 1 KiB for each 64 x 64 texels
 // that triangles cover and that have an outline, and about 200 bytes per triangle (350 with a budget). Textures of
 // other formats than R8_UNORM are converted: 4 bytes per texel (8 with GREATER or LESS_OR_EQUAL).
-VELLUM_API VellumResult vellumBake(const VellumBakeInput *inputs, size_t inputCount, const VellumBakeOptions *options,
-                                   VellumMicromap **micromap);
+VELLUM_API VellumResult VELLUM_CALL vellumBake(const VellumBakeInput *inputs, size_t inputCount,
+                                               const VellumBakeOptions *options, VellumMicromap **micromap);
 
 // `micromap` may be null.
-VELLUM_API void vellumDestroyMicromap(VellumMicromap *micromap);
+VELLUM_API void VELLUM_CALL vellumDestroyMicromap(VellumMicromap *micromap);
 
 typedef struct VellumMicromapInfo {
     size_t structSize;
@@ -334,7 +340,7 @@ typedef struct VellumMicromapInfo {
 
 // Fills `info`, whose structSize must be set. Members that the library does not know become 0.
 // VELLUM_ERROR_INVALID_ARGUMENT: a pointer is null, or structSize is smaller than in version 0.1.
-VELLUM_API VellumResult vellumGetMicromapInfo(const VellumMicromap *micromap, VellumMicromapInfo *info);
+VELLUM_API VellumResult VELLUM_CALL vellumGetMicromapInfo(const VellumMicromap *micromap, VellumMicromapInfo *info);
 
 // The part of the result that a geometry made of one input needs, for
 // VkAccelerationStructureTrianglesOpacityMicromapEXT or KHR.
@@ -349,7 +355,8 @@ typedef struct VellumGeometryInfo {
 
 // Fills the structure like vellumGetMicromapInfo(). VELLUM_ERROR_INVALID_ARGUMENT also if the bake had no input of this
 // number.
-VELLUM_API VellumResult vellumGetGeometryInfo(const VellumMicromap *micromap, size_t input, VellumGeometryInfo *info);
+VELLUM_API VellumResult VELLUM_CALL vellumGetGeometryInfo(const VellumMicromap *micromap, size_t input,
+                                                          VellumGeometryInfo *info);
 
 // Writes indices as unsigned integers of 1, 2 or 4 bytes, special ones in two's complement, as Vulkan, D3D12, OptiX and
 // glTF read them (docs/apis.md). 1 byte holds indices into 252 triangles, 2 bytes those into 65,532.
@@ -360,19 +367,19 @@ VELLUM_API VellumResult vellumGetGeometryInfo(const VellumMicromap *micromap, si
 //
 // VELLUM_ERROR_INVALID_ARGUMENT: a pointer is null, another size, or an index that is below -4 or does not fit. The
 // output is undefined then.
-VELLUM_API VellumResult vellumWriteIndices(const int32_t *indices, size_t indexCount, uint32_t indexSize, void *output);
+VELLUM_API VellumResult VELLUM_CALL vellumWriteIndices(const int32_t *indices, size_t indexCount, uint32_t indexSize,
+                                                       void *output);
 
 // Looks up the state at a point of a triangle, as a ray does.
 //
 //   triangle  0 to indexCount - 1
-//   u, v      barycentrics: the weights of vertices 1 and 2. Values outside of the triangle are clamped to its edge,
-//   NaN
-//             as well
+//   u, v      barycentrics: the weights of vertices 1 and 2. Values outside of the triangle, and NaN, are clamped to
+//             its edge
 //   state     receives a VellumState
 //
 // VELLUM_ERROR_INVALID_ARGUMENT: a pointer is null, or there is no such triangle.
-VELLUM_API VellumResult vellumGetState(const VellumMicromap *micromap, size_t triangle, float u, float v,
-                                       uint32_t *state);
+VELLUM_API VellumResult VELLUM_CALL vellumGetState(const VellumMicromap *micromap, size_t triangle, float u, float v,
+                                                   uint32_t *state);
 
 #ifdef __cplusplus
 }
