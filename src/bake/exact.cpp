@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "bake/numbers/wide.h"
+
 namespace vellum
 {
 namespace
@@ -23,7 +25,6 @@ int fractionBits(double value)
 
 // Products of two numbers that are within this are added up without overflow.
 constexpr int64_t kSmall = int64_t{1} << 61;
-__extension__ using Int128 = __int128;
 
 // Returns whether a closed triangle, which may be a segment or a point, touches a box less its right or bottom side
 // where those are open. Two convex sets are apart if and only if they are along x, along y or across an edge. The box

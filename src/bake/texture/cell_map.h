@@ -85,6 +85,9 @@ public:
     // Has the processor load the texels of a cell meanwhile.
     void prefetch(const Place &place) const
     {
+#ifdef VELLUM_PORTABLE
+        static_cast<void>(place);
+#else
         for (const int64_t row : {place.upper, place.lower}) {
             const size_t at = texture_.place(static_cast<size_t>(std::max<int64_t>(place.left, 0)),
                                              static_cast<size_t>(std::max<int64_t>(row, 0)));
@@ -93,6 +96,7 @@ public:
             else
                 __builtin_prefetch(texture_.alpha.data() + at);
         }
+#endif
     }
     // Calls `sink` with the place of each mixed cell of row `y` from `first` to `last` until it returns true; returns
     // whether it did.
