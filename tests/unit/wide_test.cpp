@@ -9,80 +9,76 @@
 namespace
 {
 
-using vellum::PortableInt128;
-__extension__ using Native = __int128;
-__extension__ using UnsignedNative = unsigned __int128;
+__extension__ using Signed = __int128;
+__extension__ using Unsigned = unsigned __int128;
 
 // Of every length, and those at which carries go wrong.
-std::vector<int64_t> numbers()
+std::vector<uint64_t> halves()
 {
     std::mt19937_64 random(1);
-    std::vector<int64_t> values = {
-        0, 1, -1, 2, INT64_MAX, INT64_MIN, INT64_MIN + 1, INT64_C(0xffffffff), INT64_C(1) << 32};
+    std::vector<uint64_t> values = {0, 1, 2, UINT64_MAX, uint64_t{1} << 63, 0xffffffff, uint64_t{1} << 32};
     for (int bits = 1; bits < 64; ++bits)
-        values.push_back(static_cast<int64_t>(random()) >> bits);
+        for (const uint64_t value : {random() >> bits, ~(random() >> bits)})
+            values.push_back(value);
     return values;
 }
 
-// The same value in both, of two halves.
-struct Pair {
+// The same number in both.
+template <typename Half>
+struct Both {
+    using Native = std::conditional_t<std::is_signed_v<Half>, Signed, Unsigned>;
+    using Portable = vellum::PortableWide<Half>;
     Native native;
-    PortableInt128 portable;
+    Portable portable;
+
+    Both(uint64_t high, uint64_t low)
+        : native(static_cast<Native>(static_cast<Unsigned>(high) << 64 | low)),
+          portable((Portable(static_cast<Half>(high)) << 64) + (Portable(static_cast<Half>(low >> 1)) << 1) +
+                   Portable(static_cast<Half>(low & 1)))
+    {
+    }
 };
 
-Pair pairOf(int64_t high, int64_t low)
+template <typename Half>
+void expectSame(Unsigned native, vellum::PortableWide<Half> portable)
 {
-    return {static_cast<Native>(static_cast<UnsignedNative>(high) << 64) + low,
-            (PortableInt128(high) << 64) + PortableInt128(low)};
+    ASSERT_EQ(static_cast<uint64_t>(native), static_cast<uint64_t>(static_cast<Half>(portable)));
+    ASSERT_EQ(static_cast<uint64_t>(native >> 64), static_cast<uint64_t>(static_cast<Half>(portable >> 64)));
 }
 
-void expectSame(Native native, PortableInt128 portable)
+template <typename Half>
+void testAll()
 {
-    EXPECT_EQ(static_cast<int64_t>(native), static_cast<int64_t>(portable));
-    const auto high = static_cast<int64_t>(native >> 64);
-    // What is above the lower half, by what the class has: the difference to a number with that upper half.
-    EXPECT_TRUE(portable - (PortableInt128(high) << 64) >= PortableInt128(0));
-    EXPECT_TRUE(portable - (PortableInt128(high) << 64) < PortableInt128(1) << 64);
-}
-
-TEST(WideInteger, HasTheValuesOfTheCompilersOwn)
-{
-    for (const int64_t x : numbers())
-        for (const int64_t y : numbers()) {
-            const Pair a = pairOf(x, y);
-            const Pair b = pairOf(y >> 1, x);
-            const auto wrapped = [](UnsignedNative value) { return static_cast<Native>(value); };
-            expectSame(a.native, a.portable);
-            const auto left = static_cast<UnsignedNative>(a.native);
-            const auto right = static_cast<UnsignedNative>(b.native);
-            expectSame(wrapped(left + right), a.portable + b.portable);
-            expectSame(wrapped(left - right), a.portable - b.portable);
-            expectSame(wrapped(left * right), a.portable * b.portable);
-            expectSame(static_cast<Native>(x) * y, PortableInt128(x) * PortableInt128(y));
-            EXPECT_EQ(a.native < b.native, a.portable < b.portable);
-            EXPECT_EQ(a.native >= b.native, a.portable >= b.portable);
-            EXPECT_EQ(a.native == b.native, a.portable == b.portable);
-        }
-    for (const int64_t x : numbers())
-        for (unsigned bits = 0; bits < 128; ++bits)
-            expectSame(static_cast<Native>(static_cast<UnsignedNative>(x) << bits), PortableInt128(x) << bits);
-}
-
-TEST(WideInteger, MultipliesAndAddsWithoutOverflow)
-{
-    for (const int64_t a : numbers())
-        for (const int64_t b : numbers())
-            for (const int64_t c : {INT64_C(0), INT64_C(-1), a}) {
-                const auto x = static_cast<uint64_t>(a);
-                const auto y = static_cast<uint64_t>(b);
-                const auto z = static_cast<uint64_t>(c);
-                const UnsignedNative expected = static_cast<UnsignedNative>(x) * y + z + UINT64_MAX;
-                for (const auto [low, high] :
-                     {vellum::portableMultiplyAdd(x, y, z, UINT64_MAX), vellum::multiplyAdd(x, y, z, UINT64_MAX)}) {
-                    EXPECT_EQ(low, static_cast<uint64_t>(expected));
-                    EXPECT_EQ(high, static_cast<uint64_t>(expected >> 64));
-                }
+    using Native = typename Both<Half>::Native;
+    const auto bits = [](Native value) { return static_cast<Unsigned>(value); };
+    for (const uint64_t x : halves())
+        for (const uint64_t y : halves()) {
+            const Both<Half> a(x, y);
+            const Both<Half> b(y >> 1, x);
+            ASSERT_NO_FATAL_FAILURE(expectSame(bits(a.native), a.portable));
+            ASSERT_NO_FATAL_FAILURE(expectSame(bits(a.native) + bits(b.native), a.portable + b.portable));
+            ASSERT_NO_FATAL_FAILURE(expectSame(bits(a.native) - bits(b.native), a.portable - b.portable));
+            ASSERT_NO_FATAL_FAILURE(expectSame(bits(a.native) * bits(b.native), a.portable * b.portable));
+            ASSERT_EQ(a.native < b.native, a.portable < b.portable);
+            ASSERT_EQ(a.native >= b.native, a.portable >= b.portable);
+            ASSERT_EQ(a.native == b.native, a.portable == b.portable);
+            const auto half = static_cast<Half>(x);
+            ASSERT_NO_FATAL_FAILURE(expectSame(bits(half), vellum::PortableWide<Half>(half)));
+            for (unsigned shift = 0; shift < 128; shift += 1 + static_cast<unsigned>(x % 31)) {
+                ASSERT_NO_FATAL_FAILURE(expectSame(bits(a.native) << shift, a.portable << shift));
+                ASSERT_NO_FATAL_FAILURE(expectSame(bits(a.native >> shift), a.portable >> shift));
             }
+        }
+}
+
+TEST(WideInteger, SignedIsTheCompilers)
+{
+    testAll<int64_t>();
+}
+
+TEST(WideInteger, UnsignedIsTheCompilers)
+{
+    testAll<uint64_t>();
 }
 
 } // namespace

@@ -119,11 +119,15 @@ BigInt operator+(const BigInt &a, const BigInt &b)
     for (unsigned i = 0; i < large.size_; ++i) {
         const uint64_t x = large.limbs_[i];
         const uint64_t y = i < small.size_ ? small.limbs_[i] : 0;
-        // Only one of the two steps can carry.
-        const uint64_t first = add ? x + y : x - y;
-        const uint64_t second = add ? first + carry : first - carry;
-        carry = add ? (first < x || second < first ? 1 : 0) : (first > x || second > first ? 1 : 0);
-        result.limbs_[i] = second;
+        if (add) {
+            const Uint128 sum = static_cast<Uint128>(x) + y + carry;
+            result.limbs_[i] = static_cast<uint64_t>(sum);
+            carry = static_cast<uint64_t>(sum >> 64);
+        } else {
+            const Uint128 difference = static_cast<Uint128>(x) - y - carry;
+            result.limbs_[i] = static_cast<uint64_t>(difference);
+            carry = (difference >> 64) != 0 ? 1 : 0;
+        }
     }
     result.size_ = large.size_;
     if (add && carry != 0) {
@@ -148,9 +152,9 @@ BigInt operator*(const BigInt &a, const BigInt &b)
     for (unsigned i = 0; i < a.size_; ++i) {
         uint64_t carry = 0;
         for (unsigned k = 0; k < b.size_; ++k) {
-            const WideProduct sum = multiplyAdd(a.limbs_[i], b.limbs_[k], result.limbs_[i + k], carry);
-            result.limbs_[i + k] = sum.low;
-            carry = sum.high;
+            const Uint128 sum = static_cast<Uint128>(a.limbs_[i]) * b.limbs_[k] + result.limbs_[i + k] + carry;
+            result.limbs_[i + k] = static_cast<uint64_t>(sum);
+            carry = static_cast<uint64_t>(sum >> 64);
         }
         result.limbs_[i + b.size_] = carry;
     }
