@@ -18,8 +18,23 @@ endif()
 # Debian's compilers search the folders of their own C library before those of a sysroot, unless -B comes first.
 set(libraries ${VELLUM_SYSROOT}/usr/lib/${CMAKE_LIBRARY_ARCHITECTURE})
 foreach(kind EXE SHARED MODULE)
-  set(CMAKE_${kind}_LINKER_FLAGS_INIT "-static-libstdc++ -B${libraries}/ ${libraries}/older_libc.o")
+  set(CMAKE_${kind}_LINKER_FLAGS_INIT "-static-libstdc++ -pthread -B${libraries}/ ${libraries}/older_libc.o")
 endforeach()
 foreach(language C CXX)
   set(CMAKE_${language}_FLAGS_INIT -ffile-prefix-map=${CMAKE_SOURCE_DIR}=.)
 endforeach()
+# So with headers: those of the cross compiler's own C library would be found first.
+if(VELLUM_PROCESSOR STREQUAL "aarch64")
+  execute_process(COMMAND ${CMAKE_CXX_COMPILER} -dumpversion
+    OUTPUT_VARIABLE version OUTPUT_STRIP_TRAILING_WHITESPACE COMMAND_ERROR_IS_FATAL ANY)
+  execute_process(COMMAND ${CMAKE_CXX_COMPILER} -print-file-name=include
+    OUTPUT_VARIABLE own OUTPUT_STRIP_TRAILING_WHITESPACE COMMAND_ERROR_IS_FATAL ANY)
+  set(cxx /usr/${CMAKE_LIBRARY_ARCHITECTURE}/include/c++/${version})
+  set(headers "-isystem ${own}")
+  foreach(folder ${CMAKE_LIBRARY_ARCHITECTURE} "")
+    string(APPEND headers " -isystem ${VELLUM_SYSROOT}/usr/include/${folder}")
+  endforeach()
+  string(APPEND CMAKE_C_FLAGS_INIT " -nostdinc ${headers}")
+  string(APPEND CMAKE_CXX_FLAGS_INIT
+    " -nostdinc -isystem ${cxx} -isystem ${cxx}/${CMAKE_LIBRARY_ARCHITECTURE} -isystem ${cxx}/backward ${headers}")
+endif()
