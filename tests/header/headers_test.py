@@ -16,7 +16,8 @@ import unittest
 
 options = argparse.Namespace()
 WARNINGS = ["-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Wshadow", "-Wundef", "-Werror"]
-LANGUAGES = {"c": (["c99", "c11"], ["-Wstrict-prototypes", "-Wmissing-prototypes"]), "c++": (["c++11", "c++17"], ["-Wold-style-cast"])}
+LANGUAGES = {"c": (["c99", "c11"], ["-Wstrict-prototypes", "-Wmissing-prototypes"]),
+             "c++": (["c++11", "c++17"], ["-Wold-style-cast"])}
 COMPILERS = {"c": ("gcc", "clang"), "c++": ("g++", "clang++")}
 IN_CXX = ("bake.h", "gpu_bake.h")
 
@@ -27,8 +28,10 @@ def compile_text(text, compiler, *flags):
         source = pathlib.Path(folder, "use")
         source.write_text(text, encoding="utf-8")
         includes = [f"-I{options.source}/include", *(word for path in options.include for word in ("-isystem", path))]
-        done = subprocess.run([compiler, *flags, *includes, "-S", "-o", f"{folder}/use.s", source], check=False, capture_output=True, text=True)
-        return done.returncode, pathlib.Path(folder, "use.s").read_text(encoding="utf-8") if done.returncode == 0 else done.stderr
+        output = pathlib.Path(folder, "use.s")
+        done = subprocess.run([compiler, *flags, *includes, "-S", "-o", output, source], check=False, capture_output=True,
+                              text=True)
+        return done.returncode, output.read_text(encoding="utf-8") if done.returncode == 0 else done.stderr
 
 
 class Headers(unittest.TestCase):
@@ -37,7 +40,8 @@ class Headers(unittest.TestCase):
         self.assertTrue(found)
         for compiler in found:
             with self.subTest(header=name, compiler=compiler, standard=standard):
-                status, output = compile_text(f"#include <vellum/{name}>\n", compiler, "-x", language, f"-std={standard}", *WARNINGS, *warnings)
+                status, output = compile_text(f"#include <vellum/{name}>\n", compiler, "-x", language, f"-std={standard}",
+                                              *WARNINGS, *warnings)
                 self.assertEqual(status, 0, output)
 
     def test_headers(self):
@@ -60,7 +64,8 @@ class Headers(unittest.TestCase):
             double other(double a, double b);
             int use(const VellumBakeOptions *options) { return call(options) + (int)other(1, 2); }
             """
-        default, another = (compile_text(text, "clang", *flags, *more) for more in ((), ("-Xclang", "-fdefault-calling-conv=vectorcall")))
+        default = compile_text(text, "clang", *flags)
+        another = compile_text(text, "clang", *flags, "-Xclang", "-fdefault-calling-conv=vectorcall")
         self.assertEqual((default[0], another[0]), (0, 0), default[1] + another[1])
         self.assertIn("other@@16", another[1])  # the option has an effect
         self.assertIn("vellumGetVersion", default[1])

@@ -58,7 +58,8 @@ def run(*command, **variables):
 
 
 def baked(library):
-    return run(sys.executable, __file__, "--source", options.source, "--bake", VELLUM_LIBRARY=str(library), PYTHONDONTWRITEBYTECODE="1")
+    return run(sys.executable, __file__, "--source", options.source, "--bake", VELLUM_LIBRARY=str(library),
+               PYTHONDONTWRITEBYTECODE="1")
 
 
 def extensions(build):

@@ -21,9 +21,18 @@ import unittest
 import zipfile
 
 options = argparse.Namespace()
-FILES = [".gitattributes", ".gitignore", "CHANGELOG.md", "cmake/commit.txt", "include/vellum/vellum.h", "scripts/archive", "scripts/phase",
-         "scripts/release"]
+FILES = [".gitattributes", ".gitignore", "CHANGELOG.md", "cmake/commit.txt", "include/vellum/vellum.h", "scripts/archive",
+         "scripts/phase", "scripts/release"]
 IDENTITY = ["-c", "user.name=test", "-c", "user.email=test@localhost", "-c", "commit.gpgsign=false", "-c", "tag.gpgsign=false"]
+
+
+def module():
+    """scripts/release, as a module."""
+    loader = importlib.machinery.SourceFileLoader("release", str(options.source / "scripts/release"))
+    sys.dont_write_bytecode = True  # a new file would be a change of the checkout
+    found = importlib.util.module_from_spec(importlib.util.spec_from_loader("release", loader))
+    loader.exec_module(found)
+    return found
 
 
 class ReleaseTest(unittest.TestCase):
@@ -86,7 +95,8 @@ class ReleaseTest(unittest.TestCase):
         for relation in bill["relationships"]:
             for member in ("spdxElementId", "relatedSpdxElement"):
                 self.assertIn(relation[member], {"SPDXRef-DOCUMENT", *packages})
-        described = [packages[relation["relatedSpdxElement"]] for relation in bill["relationships"] if relation["relationshipType"] == "DESCRIBES"]
+        described = [packages[relation["relatedSpdxElement"]] for relation in bill["relationships"]
+                     if relation["relationshipType"] == "DESCRIBES"]
         self.assertEqual({package["packageFileName"]: package["checksums"][0]["checksumValue"] for package in described}, archives)
 
     def test_again(self):
@@ -129,10 +139,31 @@ class ReleaseTest(unittest.TestCase):
         self.assertIn("it broke", output)
         self.assertEqual(self.files("out"), {})
 
+    def test_interfaces(self):
+        head = "Functions changes summary: 0 Removed, 1 Changed (10 filtered out), 0 Added functions\n"
+        changed = """
+  [C] 'function VellumResult vellumGetGeometryInfo(VellumGeometryInfo*)' has some indirect sub-type changes:
+    parameter 3 of type 'VellumGeometryInfo*' has sub-type changes:
+      in pointed to type 'typedef VellumGeometryInfo':
+        underlying type 'struct VellumGeometryInfo' changed:
+          type size changed from 320 to 384 (in bits)
+          1 data member insertion:
+            'size_t extra', at offset 320 (in bits)
+"""
+        addition = """
+1 Added function:
+  [A] 'function VellumResult vellumWriteIndices(const int32_t*, size_t, uint32_t, void*)'    {vellumWriteIndices@@VELLUM_0.1}
+"""
+        moved = "            'const int32_t* indices' offset changed from 64 to 128 (in bits) (by +64 bits)\n"
+        removal = "  [D] 'function uint32_t vellumGetVersion()'    {vellumGetVersion@@VELLUM_0.1}\n"
+        release = module()
+        for report, lines in ((head + changed + addition, []), (head + changed + moved, [moved]), (head + removal, [removal]),
+                              ("Functions changes summary: 1 Removed, 0 Changed, 0 Added function\n", None)):
+            broken = [line + "\n" for line in report.splitlines() if not release.ADDITION.match(line)]
+            self.assertEqual(broken, [report] if lines is None else lines)
+
     def test_what_is_linked(self):
-        loader = importlib.machinery.SourceFileLoader("release", str(options.source / "scripts/release"))
-        release = importlib.util.module_from_spec(importlib.util.spec_from_loader("release", loader))
-        loader.exec_module(release)
+        release = module()
         listed = b"libdraco-dev 1.5.5+dfsg-2 draco\ngcc-12-base 12.2.0-14 gcc-12\n"
         path = self.path / "vellum.zip"
         with zipfile.ZipFile(path, "w") as file:
