@@ -21,9 +21,9 @@ from array import array
 
 options = argparse.Namespace()
 COMPILERS = (("gcc", "g++"), ("clang", "clang++"))
-# What only GCC and clang have, except that to which macros of the standard library expand. Attributes of vellum.h are for them
-# alone.
-EXTENSIONS = re.compile(r"__int128|__builtin_(?!offsetof|va_|inf|nan|huge_val)\w+|__extension__|__typeof__|__asm__|\basm\b")
+# What only GCC and clang have, except that to which macros of the standard library and of the processor's headers expand.
+# Attributes of vellum.h are for them alone.
+EXTENSIONS = re.compile(r"__int128|__builtin_(?!offsetof|va_|inf|nan|huge_val|ia32_)\w+|__extension__|__typeof__|__asm__|\basm\b")
 
 
 def bake():
