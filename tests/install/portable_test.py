@@ -31,13 +31,13 @@ def bake():
     sys.path.insert(0, str(options.source / "examples/python"))
     import vellum
     digest, random_numbers, known = hashlib.sha256(), random.Random(1), [0, 0, 0, 0]
-    for case in range(40):
-        size = 1 << random_numbers.randrange(1, 7)
+    for case in range(400):
+        size = 1 << random_numbers.randrange(1, 5)
         texels = bytes(random_numbers.choice((0, 64, 127, 128, 255)) for _ in range(size * size))
         texture = vellum.Texture(texels, width=size, height=size, filter=case % 2, addressModeU=case % 5, addressModeV=case % 3)
         # On texels and between them; far from the origin, where exact arithmetic needs more digits than 128 bits.
-        scale, place = random_numbers.choice(((1, 0), (1 / 3, 0.1), (4, 1000), (1e-12, 1 / 7), (300, 1e-30)))
-        step = random_numbers.choice((1, 2 * size))
+        scale, place = random_numbers.choice(((1, 0), (0.25, 0), (1 / 3, 0.1), (4, 1000), (1e-12, 1 / 7), (300, 1e-30)))
+        step = random_numbers.choice((1, size, 2 * size, 8 * size))
         uvs = array("f", (place + scale * random_numbers.randrange(-step, 2 * step + 1) / step for _ in range(6 * 8)))
         tolerances = {} if case % 4 == 0 else dict.fromkeys(
             ("valueTolerance", "subtexelTolerance", "barycentricTolerance", "interpolationTolerance"), 0.0)
