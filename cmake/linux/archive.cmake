@@ -20,10 +20,12 @@ set(libraries ${VELLUM_SYSROOT}/usr/lib/${CMAKE_LIBRARY_ARCHITECTURE})
 foreach(kind EXE SHARED MODULE)
   set(CMAKE_${kind}_LINKER_FLAGS_INIT "-static-libstdc++ -pthread -B${libraries}/ ${libraries}/older_libc.o")
 endforeach()
+# The Vulkan loader in the sysroot needs a newer C library than lies there; programs use the system's loader.
+string(APPEND CMAKE_EXE_LINKER_FLAGS_INIT " -Wl,--allow-shlib-undefined")
 foreach(language C CXX)
   set(CMAKE_${language}_FLAGS_INIT -ffile-prefix-map=${CMAKE_SOURCE_DIR}=.)
 endforeach()
-# So with headers: those of the cross compiler's own C library would be found first.
+# The cross compiler also searches the headers of its own C library first.
 if(VELLUM_PROCESSOR STREQUAL "aarch64")
   execute_process(COMMAND ${CMAKE_CXX_COMPILER} -dumpversion
     OUTPUT_VARIABLE version OUTPUT_STRIP_TRAILING_WHITESPACE COMMAND_ERROR_IS_FATAL ANY)
