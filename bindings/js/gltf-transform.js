@@ -316,8 +316,12 @@ async function decodeImages(document, encoder) {
   for (const material of document.getRoot().listMaterials()) {
     const texture = material.getAlphaMode() === 'OPAQUE' ? null : material.getBaseColorTexture();
     const image = texture?.getImage();
-    if (image && /^image\/(webp|avif)$/.test(texture.getMimeType()) && !decodedImages.has(image))
+    if (!image || !/^image\/(webp|avif)$/.test(texture.getMimeType()) || decodedImages.has(image)) continue;
+    try {
       decodedImages.set(image, new Uint8Array(await encoder(image).png().toBuffer()));
+    } catch (error) {
+      document.getLogger().warn(`${NAME}: image ${texture.getName() || texture.getURI()}: ${error.message}`);
+    }
   }
 }
 
@@ -346,7 +350,13 @@ function bakeInput(json, primitives, textures) {
     accessors.push({ bufferView, componentType, count, type, ...(normalized && { normalized }) });
     return accessors.length - 1;
   };
-  const images = textures.map((texture) => {
+  const used = new Set(primitives.map(({ def }) => {
+    const info = json.materials?.[def.material]?.pbrMetallicRoughness?.baseColorTexture;
+    return info && imageIndexOf(json.textures[info.index]);
+  }));
+  const unused = { bufferView: addView(new Uint8Array(4)), mimeType: 'image/png' };
+  const images = textures.map((texture, i) => {
+    if (!used.has(i)) return unused;
     const image = texture.getImage() ?? new Uint8Array();
     const decoded = decodedImages.get(image);
     return { bufferView: addView(decoded ?? image), mimeType: decoded ? 'image/png' : texture.getMimeType() };
@@ -720,10 +730,12 @@ export class EXTMeshOpacityMicromap extends Extension {
         if (this.#eager) throw error;
         results = group.map(() => ({ reason: error.message }));
       }
-      group.forEach((entry, i) => (results[i].micromap ? found.push({ ...entry, ...results[i] }) : drop(entry.place, results[i].reason)));
+      group.forEach((entry, i) => {
+        if (!results[i].micromap) return drop(entry.place, results[i].reason);
+        found.push({ ...entry, ...results[i] });
+        if (!this.#eager) this.document.getLogger().info(`${NAME}: ${nameOf(entry.place)} changed since it was baked, and was baked again`);
+      });
     }
-    if (!this.#eager && found.length > 0)
-      this.document.getLogger().info(`${NAME}: ${found.length} primitives changed since they were baked, and were baked again`);
     return found;
   }
 
@@ -747,6 +759,7 @@ export class EXTMeshOpacityMicromap extends Extension {
 
 // Triangles of strips and fans, in their order: micromaps are for lists.
 function toLists(document) {
+  if (document.hasExtension('KHR_mesh_primitive_restart')) return;
   for (const mesh of document.getRoot().listMeshes())
     for (const primitive of mesh.listPrimitives()) {
       const mode = primitive.getMode();

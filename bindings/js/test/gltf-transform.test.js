@@ -1,0 +1,475 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests of vellum-omm/gltf-transform in gltf-transform itself: node --test bindings/js/test
+//   VELLUM_GLTF_TRANSFORM   a folder where vellum-omm and gltf-transform's packages are installed: docs/testing.md. Without,
+//                           nothing of this file is tested.
+//   VELLUM_COMMAND          the native command, which decodes what gltf-transform compresses
+//   VELLUM_MODELS           a folder of .glb files, besides the generated ones
+import assert from 'node:assert/strict';
+import { execFileSync, spawnSync } from 'node:child_process';
+import { existsSync, mkdtempSync, readFileSync, readdirSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { dirname, join, resolve } from 'node:path';
+import { after, test } from 'node:test';
+import { fileURLToPath, pathToFileURL } from 'node:url';
+import { mixture } from '../cases/models.js';
+
+const here = dirname(fileURLToPath(import.meta.url));
+const root = resolve(here, '../../..');
+const { VELLUM_GLTF_TRANSFORM: installed, VELLUM_COMMAND: command, VELLUM_MODELS: folder } = process.env;
+const NAME = 'EXT_mesh_opacity_micromap';
+
+if (!installed) {
+  test('vellum-omm/gltf-transform is not tested', { skip: 'VELLUM_GLTF_TRANSFORM, a folder with the packages, is not set' }, () => {});
+} else {
+  await tests();
+}
+
+async function tests() {
+  const work = mkdtempSync(join(tmpdir(), 'vellum-gltf-transform-'));
+  after(() => rmSync(work, { recursive: true }));
+
+  // As users import them, whose modules are in that folder.
+  const imports = join(installed, 'vellum-test.mjs');
+  writeFileSync(imports, `
+    export * as core from '@gltf-transform/core';
+    export * as extensions from '@gltf-transform/extensions';
+    export * as functions from '@gltf-transform/functions';
+    export * as omm from 'vellum-omm/gltf-transform';
+    export * as vellum from 'vellum-omm';
+    export * as meshoptimizer from 'meshoptimizer';
+    export { default as draco3d } from 'draco3dgltf';
+    export { default as sharp } from 'sharp';`);
+  const { core, extensions, functions, omm: { EXTMeshOpacityMicromap, OpacityMicromap, PrimitiveMicromap, omm }, vellum: api, meshoptimizer, draco3d, sharp } =
+    await import(pathToFileURL(imports));
+  const { MeshoptDecoder, MeshoptEncoder, MeshoptSimplifier } = meshoptimizer;
+  await Promise.all([MeshoptDecoder.ready, MeshoptEncoder.ready]);
+  const vellum = await api.load();
+  const decoders = { 'draco3d.decoder': await draco3d.createDecoderModule(), 'meshopt.decoder': MeshoptDecoder };
+  const compressors = { ...decoders, 'draco3d.encoder': await draco3d.createEncoderModule(), 'meshopt.encoder': MeshoptEncoder };
+
+  const logOf = (lines) => ({ debug() {}, info: (line) => lines.push(`info: ${line}`), warn: (line) => lines.push(`warning: ${line}`), error: (line) => lines.push(`error: ${line}`) });
+  // `lines` gets what is logged about micromaps and all else.
+  const ioOf = (dependencies = {}, lines = []) =>
+    new core.NodeIO().registerExtensions([...extensions.ALL_EXTENSIONS, EXTMeshOpacityMicromap])
+      .registerDependencies({ ...compressors, ...dependencies }).setLogger(logOf(lines));
+  const io = ioOf({ vellum });
+  const micromapLines = (lines) => lines.filter((line) => line.includes(NAME));
+
+  const models = {};
+  for (const seed of [1, 2, 3]) models[`mixture ${seed}`] = await io.writeBinary(mixture(core, extensions, seed));
+  const tree = join(work, 'tree.glb');
+  execFileSync('python3', [join(root, 'examples/python/tree.py'), tree]);
+  models.tree = new Uint8Array(readFileSync(tree));
+  for (const name of folder ? readdirSync(folder).sort() : [])
+    if (name.endsWith('.glb')) models[name] = new Uint8Array(readFileSync(join(folder, name)));
+  const level = (name) => ({ maxLevel: name.startsWith('mixture') ? 4 : 5 });
+
+  // The native verifier reads compressed files too.
+  function verify(bytes, name = 'verified.glb') {
+    const path = join(work, name);
+    writeFileSync(path, bytes);
+    return verifyFile(path);
+  }
+  function verifyFile(path) {
+    if (!command) return vellum.verifyGltf(new Uint8Array(readFileSync(path)));
+    const { stdout, stderr } = spawnSync(command, ['verify', '--json', path], { encoding: 'utf8', maxBuffer: 1 << 28 });
+    const report = stdout.trim() ? JSON.parse(stdout) : fail(`${path}: ${stderr}`);
+    return report.files[0];
+  }
+  const fail = (message) => assert.fail(message);
+  function isRight(verified, what) {
+    assert.deepEqual(verified.findings ?? [], [], what);
+    assert.equal(verified.counts.wrong, 0, `${what}: wrong claims`);
+    assert.deepEqual(verified.unverified, [], what);
+    return verified.counts.microTriangles;
+  }
+  const bindingsOf = (document) =>
+    document.getRoot().listMeshes().flatMap((mesh) => mesh.listPrimitives()).map((primitive) => primitive.getExtension(NAME)).filter((binding) => binding?.getMicromap());
+  const asJson = (bytes) => JSON.parse(new TextDecoder().decode(bytes.subarray(20, 20 + new DataView(bytes.buffer, bytes.byteOffset).getUint32(12, true))));
+  const binOf = (bytes) => bytes.subarray(28 + new DataView(bytes.buffer, bytes.byteOffset).getUint32(12, true));
+  const baked = async (name, options = {}) => {
+    const document = await io.readBinary(models[name]);
+    await document.transform(omm({ vellum, ...level(name), ...options }));
+    return document;
+  };
+
+  test('omm() bakes what the baker of files bakes', async () => {
+    for (const name of Object.keys(models)) {
+      const document = await baked(name);
+      const plain = await io.writeBinary(document);
+      // Without strips, which both make lists of in their own order.
+      document.disposeExtension(NAME);
+      const expected = vellum.readGltf(vellum.bakeGltf(await io.writeBinary(document), level(name)).bytes);
+      const found = vellum.readGltf(plain);
+      assert.deepEqual(found.micromaps.map(({ data, triangles, usages }) => ({ data, triangles, usages })), expected.micromaps, name);
+      assert.deepEqual(found.primitives.map(({ indices, micromap, mesh, primitive }) => ({ indices, micromap, mesh, primitive })),
+        expected.primitives.map(({ indices, micromap, mesh, primitive }) => ({ indices, micromap, mesh, primitive })), name);
+      assert(isRight(verify(plain), name) > 0);
+    }
+  });
+
+  test('what nothing changed is kept, and the rest of the file is what it is without micromaps', async () => {
+    for (const name of Object.keys(models)) {
+      const first = await io.writeBinary(await baked(name));
+      const lines = [];
+      const document = await ioOf({}, lines).readBinary(first);
+      const second = await ioOf({}, lines).writeBinary(document);
+      assert.deepEqual(micromapLines(lines), [], name);
+      assert.deepEqual(vellum.readGltf(second), vellum.readGltf(first), name);
+      assert.deepEqual(second, await ioOf().writeBinary(await ioOf().readBinary(second)), name);
+      document.disposeExtension(NAME);
+      const without = await ioOf().writeBinary(document);
+      const json = asJson(second);
+      const plain = asJson(without);
+      assert.equal(plain.extensionsUsed?.includes(NAME) ?? false, false);
+      // Micromaps are at the end of every list and of the buffer.
+      for (const list of ['accessors', 'bufferViews']) json[list].length = plain[list].length;
+      for (const mesh of json.meshes)
+        for (const primitive of mesh.primitives) {
+          delete primitive.extensions?.[NAME];
+          if (primitive.extensions && Object.keys(primitive.extensions).length === 0) delete primitive.extensions;
+        }
+      delete json.extensions[NAME];
+      if (Object.keys(json.extensions).length === 0) delete json.extensions;
+      json.extensionsUsed = json.extensionsUsed.filter((used) => used !== NAME);
+      if (json.extensionsUsed.length === 0) delete json.extensionsUsed;
+      json.buffers[0].byteLength = plain.buffers[0].byteLength;
+      assert.deepEqual(json, plain, name);
+      const size = plain.buffers[0].byteLength;
+      assert(Buffer.from(binOf(second)).subarray(0, size).equals(Buffer.from(binOf(without)).subarray(0, size)), name);
+    }
+  });
+
+  test('changes that micromaps depend on: baked again, or dropped with a warning', async () => {
+    const first = await io.writeBinary(await baked('mixture 1'));
+    const changes = {
+      triangles: (document) => document.getRoot().listMeshes()[0].listPrimitives()[0].getIndices().getArray().reverse(),
+      coordinates: (document) => document.getRoot().listMeshes()[0].listPrimitives()[0].getAttribute('TEXCOORD_0').getArray().fill(0.25, 0, 60),
+      cutoff: (document) => document.getRoot().listMaterials()[0].setAlphaCutoff(0.9),
+      factor: (document) => document.getRoot().listMaterials()[1].setBaseColorFactor([1, 1, 1, 0.4]),
+      wrap: (document) => document.getRoot().listMaterials()[0].getBaseColorTextureInfo().setWrapS(33071),
+      'vertex alpha': (document) => document.getRoot().listMeshes()[2].listPrimitives()[0].getAttribute('COLOR_0').getArray().fill(0.5),
+      image: (document) => {
+        const [disc, waves] = document.getRoot().listTextures();
+        disc.setImage(waves.getImage().slice());
+      },
+      'texture transform': (document) => document.getRoot().listMaterials()[2].getBaseColorTextureInfo().getExtension('KHR_texture_transform').setRotation(1),
+      'coordinate set': (document) => document.getRoot().listMaterials().find((m) => m.getName() === 'moss').getBaseColorTextureInfo().setTexCoord(0),
+    };
+    for (const [what, change] of Object.entries(changes)) {
+      const before = vellum.readGltf(first).primitives.length;
+      const document = await io.readBinary(first);
+      change(document);
+      const again = await io.writeBinary(document);
+      isRight(verify(again), what);
+      assert.equal(vellum.readGltf(again).primitives.length, before, what);
+      const lines = [];
+      const dropping = ioOf({}, lines);
+      const other = await dropping.readBinary(first);
+      change(other);
+      const dropped = await dropping.writeBinary(other);
+      isRight(verify(dropped), what);
+      const left = vellum.readGltf(dropped).primitives.length;
+      assert(left > 0 && left < before, what);
+      const warnings = micromapLines(lines);
+      assert.equal(warnings.length, before - left, what);
+      assert(warnings.every((line) => /^warning: .*: mesh \d+ ".*" primitive \d+ has no micromap: it changed/.test(line)), warnings[0]);
+    }
+    // What is not alpha-tested any more has none, silently only where it had none.
+    const document = await io.readBinary(first);
+    document.getRoot().listMaterials()[0].setAlphaMode('OPAQUE');
+    isRight(verify(await io.writeBinary(document)), 'opaque');
+  });
+
+  test('primitives that were left out stay out', async () => {
+    const document = await baked('mixture 2', { excludedMaterials: ['fern'] });
+    const count = bindingsOf(document).length;
+    for (let i = 0; i < 2; ++i) {
+      const bytes = await io.writeBinary(await io.readBinary(await io.writeBinary(document)));
+      assert.equal(vellum.readGltf(bytes).primitives.length, count);
+      assert(!vellum.readGltf(bytes).primitives.some(({ name }) => name.includes('plant again')));
+    }
+  });
+
+  test('blended alpha, levels and states are those of the first bake', async () => {
+    for (const options of [{ blend: true }, { blendCutoff: 0.4 }, { format: api.MicromapFormat.TWO_STATE }, { maxLevel: 2 }]) {
+      const first = await io.writeBinary(await baked('mixture 3', { blend: options.blendCutoff !== undefined, ...options }));
+      const document = await io.readBinary(first);
+      for (const mesh of document.getRoot().listMeshes())
+        for (const primitive of mesh.listPrimitives()) primitive.getAttribute('TEXCOORD_0').getArray().forEach((v, i, array) => (array[i] = v + 0.125));
+      const again = await io.writeBinary(document);
+      const [before, after] = [first, again].map((bytes) => vellum.readGltf(bytes));
+      assert.equal(after.primitives.length, before.primitives.length, JSON.stringify(options));
+      assert.equal(asJson(again).extensions[NAME].extras?.blendCutoff, options.blendCutoff);
+      const usages = after.micromaps.flatMap((micromap) => micromap.usages);
+      assert(usages.every(({ format, subdivisionLevel }) => format === (options.format ?? 2) && subdivisionLevel <= (options.maxLevel ?? 4)));
+      if (options.format === undefined) isRight(verify(again), JSON.stringify(options));
+    }
+  });
+
+  test('copies, merges and disposal', async () => {
+    const document = await baked('mixture 1');
+    const count = bindingsOf(document).length;
+    const lines = [];
+    const plain = ioOf({}, lines);
+    const written = await plain.writeBinary(document);
+    assert.deepEqual(await plain.writeBinary(functions.cloneDocument(document)), written);
+    const twice = functions.cloneDocument(document);
+    functions.mergeDocuments(twice, functions.cloneDocument(document));
+    await twice.transform(functions.unpartition());
+    const merged = vellum.readGltf(await plain.writeBinary(twice));
+    assert.equal(merged.primitives.length, 2 * count);
+    // Equal micromaps are written once.
+    assert.equal(merged.micromaps.length, vellum.readGltf(written).micromaps.length);
+    assert.deepEqual(micromapLines(lines), []);
+    document.getRoot().listMeshes()[0].dispose();
+    await document.transform(functions.prune());
+    assert(vellum.readGltf(await plain.writeBinary(document)).primitives.length < count);
+    bindingsOf(document)[0].dispose();
+    for (const property of document.getRoot().listExtensionsUsed().find((e) => e.extensionName === NAME).listProperties())
+      assert(property instanceof OpacityMicromap || property instanceof PrimitiveMicromap);
+    document.disposeExtension(NAME);
+    assert.equal(bindingsOf(document).length, 0);
+    const none = await plain.writeBinary(document);
+    assert.equal(asJson(none).extensionsUsed?.includes(NAME) ?? false, false);
+    assert.equal(asJson(none).extensions?.[NAME], undefined);
+    // Files of several buffers, and of none inside.
+    const parts = await baked('mixture 1');
+    await parts.transform(functions.partition());
+    const { json, resources } = await plain.writeJSON(parts);
+    const back = await plain.readJSON({ json, resources });
+    assert.equal(bindingsOf(back).length, count);
+  });
+
+  test('the wrong order of transforms is right, too', async () => {
+    const document = await baked('mixture 2');
+    await document.transform(functions.weld(), functions.reorder({ encoder: MeshoptEncoder }), functions.quantize({ quantizeTexcoord: 8 }), functions.draco());
+    const bytes = await io.writeBinary(document);
+    if (command) isRight(verify(bytes), 'draco');
+    // The document is as it was, not as it was written.
+    assert.deepEqual(bindingsOf(document)[0].getIndices(), bindingsOf(await baked('mixture 2'))[0].getIndices());
+    const missing = [];
+    const blind = new core.NodeIO().registerExtensions([...extensions.ALL_EXTENSIONS, EXTMeshOpacityMicromap]).setLogger(logOf(missing))
+      .registerDependencies({ 'draco3d.encoder': compressors['draco3d.encoder'], vellum });
+    document.setLogger(logOf(missing));
+    await blind.writeBinary(document);
+    assert(micromapLines(missing).some((line) => line.includes('the dependency "draco3d.decoder"')));
+  });
+
+  test('wrong options, and what cannot be baked', async () => {
+    const document = await io.readBinary(models['mixture 1']);
+    for (const [options, message] of [[{ maxLevel: 13 }, /maxLevel is 13/], [{ levle: 1 }, /no member "levle"/]])
+      await assert.rejects(document.transform(omm({ vellum, ...options })), (error) => error instanceof api.VellumError && message.test(error.message));
+    const seen = [];
+    await document.transform(omm({ vellum, onProgress: (done, total) => seen.push(done / total) }));
+    assert.equal(seen.at(-1), 1);
+    await assert.rejects(document.transform(omm({ vellum, cancelled: () => true })), /cancel/);
+    const broken = await io.readBinary(models['mixture 1']);
+    broken.getRoot().listTextures()[0].setImage(new Uint8Array(100));
+    await assert.rejects(broken.transform(omm({ vellum })), api.VellumError);
+    // At the end of a pipeline a damaged image costs its micromaps, not the file.
+    const lines = [];
+    const document2 = await ioOf({ vellum }, lines).readBinary(await io.writeBinary(await baked('mixture 1')));
+    document2.getRoot().listTextures()[0].setImage(new Uint8Array(100));
+    await ioOf({ vellum }, lines).writeBinary(document2);
+    assert(micromapLines(lines).some((line) => /has no micromap: .*image/.test(line)), micromapLines(lines)[0]);
+    // Nothing to bake is no error.
+    const empty = new core.Document();
+    empty.createScene();
+    await empty.transform(omm({ vellum }));
+    assert.equal(asJson(await io.writeBinary(empty)).extensionsUsed, undefined);
+  });
+
+  test('WebP images are baked by way of sharp', async () => {
+    const webp = async (name) => {
+      const document = await io.readBinary(models[name]);
+      await document.transform(functions.textureCompress({ encoder: sharp, targetFormat: 'webp', lossless: name !== 'tree' }));
+      return document;
+    };
+    for (const name of ['mixture 1', 'tree']) {
+      const lines = [];
+      const without = await webp(name);
+      without.setLogger(logOf(lines));
+      await without.transform(omm({ vellum }));
+      assert(micromapLines(lines).length > 0, name);
+      assert.equal(bindingsOf(without).length, 0);
+      const document = await webp(name);
+      await document.transform(omm({ vellum, encoder: sharp, maxLevel: 4 }), functions.draco());
+      const bytes = await io.writeBinary(document);
+      if (command) assert(isRight(verify(bytes), name) > 0);
+    }
+  });
+
+  test('damaged extensions cost their micromaps, with a warning, and nothing else', async () => {
+    const first = await io.writeBinary(await baked('mixture 1', { maxLevel: 2 }));
+    const parsed = () => {
+      const json = asJson(first);
+      return { json, resources: { '@glb.bin': binOf(first).slice() } };
+    };
+    const micromaps = (json) => json.extensions[NAME].micromaps;
+    const bindings = (json) => json.meshes.flatMap((mesh) => mesh.primitives).map((primitive) => primitive.extensions?.[NAME]).filter(Boolean);
+    const indicesOf = (json) => json.accessors[bindings(json)[0].micromapIndices];
+    const huge = [-1, 1.5, 1e9, 2 ** 32, 2 ** 53, null, 'x', {}, [], true];
+    const damages = [
+      ...huge.map((value) => (json) => (micromaps(json)[0].data = value)),
+      ...huge.map((value) => (json) => (micromaps(json)[0].triangles = value)),
+      ...huge.map((value) => (json) => (bindings(json)[0].micromap = value)),
+      ...huge.map((value) => (json) => (bindings(json)[0].micromapIndices = value)),
+      ...huge.slice(0, -1).map((value) => (json) => (bindings(json)[0].micromapBaseTriangle = value ?? 'x')),
+      ...huge.map((value) => (json) => (json.bufferViews[micromaps(json)[0].data].byteOffset = value ?? 'x')),
+      ...huge.map((value) => (json) => (json.bufferViews[micromaps(json)[0].data].byteLength = value)),
+      ...huge.map((value) => (json) => (json.bufferViews[micromaps(json)[0].data].buffer = value)),
+      ...huge.map((value) => (json) => (json.bufferViews[micromaps(json)[0].triangles].byteStride = value ?? 'x')),
+      ...huge.map((value) => (json) => (indicesOf(json).bufferView = value)),
+      ...huge.map((value) => (json) => (indicesOf(json).byteOffset = value ?? 'x')),
+      ...huge.map((value) => (json) => (indicesOf(json).componentType = value)),
+      ...huge.map((value) => (json) => (indicesOf(json).count = value)),
+      ...huge.map((value) => (json) => (indicesOf(json).type = value)),
+      ...huge.map((value) => (json) => (indicesOf(json).sparse = value ?? 'x')),
+      ...huge.map((value) => (json) => (micromaps(json)[0] = value)),
+      ...huge.map((value) => (json) => (json.extensions[NAME].micromaps = value)),
+      ...huge.map((value) => (json) => (json.extensions[NAME] = value)),
+      ...huge.map((value) => (json) => (json.meshes[0].primitives[0].extensions[NAME] = value)),
+      (json) => delete json.extensions,
+      (json) => delete micromaps(json)[0].data,
+      (json) => delete micromaps(json)[0].triangles,
+      (json) => delete bindings(json)[0].micromap,
+      (json) => (bindings(json)[0].micromapBaseTriangle = 1),
+      (json) => delete bindings(json)[0].micromapIndices,
+    ];
+    let silent = 0;
+    for (const [number, damage] of damages.entries()) {
+      const lines = [];
+      const { json, resources } = parsed();
+      damage(json);
+      const text = `damage ${number}: ${damage}`;
+      const plain = ioOf({}, lines);
+      const document = await plain.readJSON({ json, resources }).catch((error) => assert.fail(`${text}: ${error.stack}`));
+      if (micromapLines(lines).length === 0) ++silent;
+      isRight(verify(await plain.writeBinary(document)), text);
+      const again = await ioOf({ vellum }).writeBinary(await ioOf({ vellum }).readJSON(parsed()));
+      isRight(verify(again), text);
+    }
+    // sparse: true and the like are no sparse accessor; some values are valid.
+    assert(silent <= 12, `${silent} damages without a warning`);
+  });
+
+  test('damaged bytes: an error, or a file without wrong claims', async () => {
+    const first = await io.writeBinary(await baked('mixture 2', { maxLevel: 2 }));
+    const json = asJson(first);
+    const begin = 28 + new DataView(first.buffer).getUint32(12, true);
+    const places = json.extensions[NAME].micromaps.map(({ triangles }) => json.bufferViews[triangles]);
+    let random = 7;
+    const next = (below) => (random = (random * 48271) % 2147483647) % below;
+    for (let i = 0; i < 150; ++i) {
+      const damaged = first.slice();
+      if (i % 2) {
+        const { byteOffset, byteLength } = places[next(places.length)];
+        damaged[begin + byteOffset + next(byteLength)] = next(256);
+      } else {
+        const from = new TextDecoder('latin1').decode(damaged.subarray(0, begin)).indexOf(NAME, next(begin - 2000));
+        damaged[from + next(300)] = 48 + next(10);
+      }
+      let document;
+      try {
+        document = await ioOf().readBinary(damaged);
+      } catch (error) {
+        assert(!error.stack.split('\n')[1].includes('vellum-omm'), error.stack);
+        continue;
+      }
+      const written = await ioOf({ vellum }).writeBinary(document);
+      assert.deepEqual(vellum.inspectGltf(written).findings, [], String(i));
+    }
+  });
+
+  // The command line, in this process, which reads its configuration once.
+  const config = join(installed, 'vellum-test.config.mjs');
+  writeFileSync(config, `
+    import { micromapConfig } from 'vellum-omm/gltf-transform';
+    import sharp from 'sharp';
+    export default micromapConfig({ encoder: sharp });`);
+  const cliModule = join(installed, 'vellum-test-cli.mjs');
+  writeFileSync(cliModule, `export { program, programReady } from '@gltf-transform/cli';`);
+  process.argv = [process.argv[0], 'gltf-transform', '--config', config];
+  process.env.NODE_ENV = 'test';
+  const { program, programReady } = await import(pathToFileURL(cliModule));
+  await programReady;
+  const run = (...words) => program.exec(words, { silent: true });
+
+  const commands = {
+    copy: ['copy'], dedup: ['dedup'], prune: ['prune'], center: ['center'], instance: ['instance', '--min', '2'], flatten: ['flatten'],
+    join: ['join'], partition: ['partition'], draco: ['draco'], 'draco, sequential': ['draco', '--method', 'sequential'],
+    meshopt: ['meshopt', '--level', 'medium'], 'meshopt, high': ['meshopt', '--level', 'high'],
+    quantize: ['quantize', '--quantize-texcoord', '9'], dequantize: ['dequantize'], weld: ['weld'], unweld: ['unweld'],
+    tangents: ['tangents'], reorder: ['reorder'], simplify: ['simplify', '--ratio', '0.5', '--error', '0.1'],
+    unwrap: ['unwrap', '--overwrite', 'true'], metalrough: ['metalrough'], palette: ['palette', '--min', '1'], unlit: ['unlit'],
+    resample: ['resample'], sequence: ['sequence', '--pattern', 'frame_*'], sparse: ['sparse'],
+    resize: ['resize', '--width', '32', '--height', '32'], png: ['png'], webp: ['webp'], avif: ['avif'],
+    optimize: ['optimize'], 'optimize, draco': ['optimize', '--compress', 'draco'],
+    'optimize, quantize': ['optimize', '--compress', 'quantize', '--palette-min', '1', '--join-named', 'true'],
+  };
+
+  test('every command of the command line, on every model, plain and from Draco: no wrong claim', { skip: !command && 'VELLUM_COMMAND' }, async (t) => {
+    let states = 0;
+    let files = 0;
+    for (const [number, name] of Object.keys(models).entries()) {
+      const source = join(work, `source-${number}.glb`);
+      writeFileSync(source, models[name]);
+      const inputs = { plain: join(work, `plain-${number}.glb`), draco: join(work, `draco-${number}.glb`) };
+      await run('omm', source, inputs.plain, '--max-level', String(level(name).maxLevel));
+      await run('draco', inputs.plain, inputs.draco);
+      for (const [kind, input] of Object.entries(inputs)) {
+        const tested = verifyFile(input).primitives.length;
+        assert(tested > 0, `${name}, ${kind}`);
+        for (const [what, [first, ...options]] of Object.entries(commands)) {
+          const output = join(work, first === 'partition' ? 'output.gltf' : 'output.glb');
+          await run(first, input, output, ...options);
+          const verified = verifyFile(output);
+          const label = `${what}, ${name}, ${kind}`;
+          const right = isRight(verified, label);
+          assert(right > 0, `${label}: no micromap is left`);
+          states += right;
+          ++files;
+        }
+      }
+    }
+    t.diagnostic(`${files} files, ${states} micro-triangles`);
+  });
+
+  test('merging files by the command line', async () => {
+    const inputs = [0, 1].map((i) => join(work, `merge-${i}.glb`));
+    for (const [i, path] of inputs.entries()) {
+      writeFileSync(path, models[`mixture ${i + 1}`]);
+      await run('omm', path, path, '--level', '3', '--two-state', '--blend');
+    }
+    const output = join(work, 'merged.glb');
+    await run('merge', ...inputs, output);
+    const sum = inputs.map((path) => verifyFile(path).primitives.length).reduce((a, b) => a + b);
+    assert.equal(verifyFile(output).primitives.length, sum);
+    const report = vellum.inspectGltf(new Uint8Array(readFileSync(output)));
+    assert.deepEqual(report.findings, []);
+    assert(report.micromaps.every(({ usages }) => usages.every(({ format, subdivisionLevel }) => format === 1 && subdivisionLevel === 3)));
+  });
+
+  test('the examples of docs/gltf-transform.md', async () => {
+    const page = readFileSync(join(root, 'docs/gltf-transform.md'), 'utf8');
+    const examples = [...page.matchAll(/```js\n([\s\S]*?)```/g)].map((match) => match[1]);
+    assert(examples.length >= 3);
+    writeFileSync(join(work, 'tree.glb'), models.tree);
+    for (const [number, example] of examples.entries()) {
+      const path = join(installed, `vellum-test-example-${number}.mjs`);
+      writeFileSync(path, example);
+      execFileSync(process.execPath, [path], { cwd: work, stdio: 'pipe' });
+    }
+    assert(isRight(verifyFile(join(work, 'tree.omm.glb')), 'example') > 0);
+  });
+
+  test('the types', { skip: !existsSync(join(installed, 'node_modules/typescript')) && 'typescript is not installed' }, () => {
+    const path = join(installed, 'vellum-test-types.mts');
+    writeFileSync(path, readFileSync(join(here, '../cases/types.mts')));
+    const compiler = join(installed, 'node_modules/typescript/bin/tsc');
+    const { status, stdout } = spawnSync(process.execPath, [compiler, '--noEmit', '--strict', '--target', 'es2022', '--module', 'nodenext',
+      '--lib', 'es2022,dom', '--types', 'node', path], { encoding: 'utf8' });
+    assert.equal(status, 0, stdout);
+  });
+}
