@@ -295,6 +295,7 @@ function unpacked(bytes, offset, stride, componentType, elements, count) {
   const Type = COMPONENTS[componentType] ?? fail(`component type ${componentType} does not exist`);
   const size = Type.BYTES_PER_ELEMENT * elements;
   const step = stride ?? size;
+  for (const value of [offset, step, count]) if (!isIndex(value, 2 ** 32)) fail(`an offset, stride or count is ${value}`);
   if (count > 0 && (step < size || offset + (count - 1) * step + size > bytes.length)) fail('it reaches outside of its buffer view');
   const packed = new Uint8Array(count * size);
   for (let i = 0; i < count; ++i) packed.set(bytes.subarray(offset + i * step, offset + i * step + size), i * size);
@@ -691,7 +692,7 @@ export class EXTMeshOpacityMicromap extends Extension {
           const geometry = written.of(def);
           const source = sourceOf(json, def, geometry, (image) => textures[image]?.getImage());
           if (!this.#eager && micromap && binding.get('source')?.equals(source))
-            kept.push({ def, micromap: { data: micromap.getData(), triangles: micromap.getTriangles() }, indices: binding.getIndices() });
+            kept.push({ def, place, micromap: { data: micromap.getData(), triangles: micromap.getTriangles() }, indices: binding.getIndices(), options });
           else stale.push({ primitive, def, place, geometry, source, options });
         } catch (error) {
           if (!(error instanceof Fault)) throw error;
@@ -699,9 +700,14 @@ export class EXTMeshOpacityMicromap extends Extension {
         }
       });
     }
-    const found = [...kept, ...this.#bakeAll(json, stale, textures, drop)];
+    let found = [...kept, ...this.#bakeAll(json, stale, textures, drop)];
     if (this.#eager) return this.#store(found);
-    const cutoff = found.map(({ options }) => options?.blendCutoff).find(Number.isFinite);
+    // A file has one cutoff of blended alpha.
+    const blended = found.filter(({ def }) => json.materials[def.material].alphaMode === 'BLEND');
+    const cutoff = blended[0]?.options.blendCutoff;
+    const others = new Set(blended.filter(({ options }) => options.blendCutoff !== cutoff));
+    for (const { place, options } of others) drop(place, `it is for the blend cutoff ${options.blendCutoff}, others are for ${cutoff}`);
+    found = found.filter((entry) => !others.has(entry));
     if (found.length > 0) writeMicromaps(context.jsonDoc, found, cutoff !== undefined && { extras: { blendCutoff: cutoff } });
     else for (const list of ['extensionsUsed', 'extensionsRequired']) json[list] = json[list]?.filter((name) => name !== NAME);
     return this;
