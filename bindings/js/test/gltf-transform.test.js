@@ -60,7 +60,10 @@ async function tests() {
   process.env.NODE_ENV = 'test';
   const { program, programReady } = await import(pathToFileURL(cliModule));
   await programReady;
-  const run = (name, input, output, options = {}) => program.exec([name, ...[input].flat(), output], { silent: true, ...options });
+  // Options of one word: exec() loses others.
+  const run = (name, input, output, options = {}) => program.exec([name, input, output], { silent: true, ...options });
+  const start = (...words) =>
+    execFileSync(process.execPath, [join(installed, 'node_modules/@gltf-transform/cli/bin/cli.js'), ...words], { cwd: work, stdio: 'pipe' });
 
   const logOf = (lines) => ({ debug() {}, info: (line) => lines.push(`info: ${line}`), warn: (line) => lines.push(`warning: ${line}`), error: (line) => lines.push(`error: ${line}`) });
   // `lines` gets what is logged about micromaps and all else.
@@ -348,8 +351,7 @@ async function tests() {
       (json) => delete micromaps(json)[0].data,
       (json) => delete micromaps(json)[0].triangles,
       (json) => delete bindings(json)[0].micromap,
-      (json) => (bindings(json)[0].micromapBaseTriangle = 1),
-      (json) => delete bindings(json)[0].micromapIndices,
+      (json) => (bindings(json)[0].micromapBaseTriangle = 2 ** 31),
     ];
     let silent = 0;
     for (const [number, damage] of damages.entries()) {
@@ -443,7 +445,7 @@ async function tests() {
       await run('omm', path, path, { level: 3, blend: true });
     }
     const output = join(work, 'merged.glb');
-    await run('merge', inputs, output);
+    start('merge', ...inputs, output, '--config', config);
     const sum = inputs.map((path) => verifyFile(path).primitives.length).reduce((a, b) => a + b);
     assert.equal(verifyFile(output).primitives.length, sum);
     const report = vellum.inspectGltf(new Uint8Array(readFileSync(output)));
@@ -467,7 +469,7 @@ async function tests() {
     assert(lines.length >= 2);
     for (const line of lines) {
       const words = line.replace('gltf-transform.config.mjs', join(installed, 'gltf-transform.config.mjs')).split(' ').slice(1);
-      execFileSync(process.execPath, [join(installed, 'node_modules/@gltf-transform/cli/bin/cli.js'), ...words], { cwd: work, stdio: 'pipe' });
+      start(...words);
       assert(isRight(verifyFile(join(work, words[2])), line) > 0);
     }
   });
