@@ -154,7 +154,7 @@ function imageIndexOf(texture) {
   return texture.source;
 }
 
-// Values of `elements` of each vertex, for each corner of the triangles. `kept`: which of them, from which on.
+// Of vertices with so many `elements`, the `kept` ones from `from` on, for each corner of the triangles.
 function cornersOf({ array, normalized }, indices, elements, from, kept) {
   const scale = normalized ? { 1: 255, 2: 65535 }[array.BYTES_PER_ELEMENT] : 1;
   const signed = normalized && (array instanceof Int8Array || array instanceof Int16Array);
@@ -430,8 +430,13 @@ function readMicromap(element, json, bufferViews) {
 }
 
 function readIndices(def, json, bufferViews, triangles, records) {
-  let indices = sequence(triangles);
-  if (def.micromapIndices !== undefined) {
+  const base = def.micromapBaseTriangle ?? 0;
+  if (!isIndex(base, 2 ** 32)) fail(`"micromapBaseTriangle" is ${base}`);
+  let indices;
+  if (def.micromapIndices === undefined) {
+    if (base + triangles > records) fail(`${triangles} triangles from ${base} on are outside of ${records} micromap triangles`);
+    indices = sequence(triangles);
+  } else {
     const accessor = listOf(json.accessors)[def.micromapIndices] ?? fail(`"micromapIndices": accessor ${def.micromapIndices} does not exist`);
     const { bufferView, byteOffset = 0, componentType, type, count } = accessor;
     if (type !== 'SCALAR' || componentType === 5126) fail('"micromapIndices": it is not a scalar of integers');
@@ -440,14 +445,13 @@ function readIndices(def, json, bufferViews, triangles, records) {
     if (accessor.sparse) fail('"micromapIndices" is sparse');
     indices = unpacked(bytes, byteOffset, json.bufferViews[bufferView].byteStride, componentType, 1, count);
   }
-  const base = def.micromapBaseTriangle ?? 0;
-  if (!isIndex(base, 2 ** 32)) fail(`"micromapBaseTriangle" is ${base}`);
   // Special indices are -1 to -4, also in unsigned types.
   const special = indices.BYTES_PER_ELEMENT === 4 ? 2 ** 32 : 2 ** (8 * indices.BYTES_PER_ELEMENT);
   return Int32Array.from(indices, (index, i) => {
     if (index >= special - 4) return index - special;
     if (index >= -4 && index < 0) return index;
-    if (index < 0 || index + base >= records) fail(`triangle ${i}: index ${index} + base triangle ${base} is outside of ${records} micromap triangles`);
+    if (index < 0 || index + base >= records)
+      fail(`triangle ${i}: index ${index} + base triangle ${base} is outside of ${records} micromap triangles`);
     return index + base;
   });
 }
@@ -497,7 +501,8 @@ function writeMicromaps(jsonDoc, found, extras) {
   const micromaps = [];
   const written = [];
   for (const { def, micromap, indices } of found) {
-    let number = micromaps.findIndex((other) => other === micromap || (equalBytes(other.data, micromap.data) && equalBytes(other.triangles, micromap.triangles)));
+    const { data, triangles } = micromap;
+    let number = micromaps.findIndex((other) => equalBytes(other.data, data) && equalBytes(other.triangles, triangles));
     if (number < 0) {
       number = micromaps.push(micromap) - 1;
       const usages = usagesOf(micromap.triangles);
@@ -515,18 +520,19 @@ function writeMicromaps(jsonDoc, found, extras) {
   (json.extensions ??= {})[NAME] = { micromaps: written, ...extras };
 }
 
-// Buffer views and accessors of the extension alone, which the reader of gltf-transform shall not read: it takes what is
-// broken for an error of the file, and keeps accessors that nothing refers to.
+// Buffer views and accessors of the extension alone. gltf-transform shall not read them: broken ones would be errors of the
+// file, and others would stay in the document as accessors that nothing refers to.
 function ownParts(json) {
   const views = new Set();
   const accessors = new Set();
   for (const micromap of listOf(json.extensions?.[NAME]?.micromaps)) [micromap?.data, micromap?.triangles].forEach((view) => views.add(view));
-  const primitives = listOf(json.meshes).flatMap((mesh) => listOf(mesh.primitives));
-  for (const primitive of primitives) accessors.add(primitive.extensions?.[NAME]?.micromapIndices);
-  for (const { indices, attributes } of primitives) [indices, ...Object.values(attributes ?? {})].forEach((index) => accessors.delete(index));
-  listOf(json.accessors).forEach(({ bufferView }, index) => accessors.has(index) && views.add(bufferView));
-  listOf(json.accessors).forEach(({ bufferView }, index) => accessors.has(index) || views.delete(bufferView));
-  for (const { bufferView } of listOf(json.images)) views.delete(bufferView);
+  const primitives = listOf(json.meshes).flatMap((mesh) => listOf(mesh?.primitives));
+  for (const primitive of primitives) accessors.add(primitive?.extensions?.[NAME]?.micromapIndices);
+  for (const primitive of primitives)
+    [primitive?.indices, ...Object.values(primitive?.attributes ?? {})].forEach((index) => accessors.delete(index));
+  listOf(json.accessors).forEach((accessor, index) => accessors.has(index) && views.add(accessor?.bufferView));
+  listOf(json.accessors).forEach((accessor, index) => accessors.has(index) || views.delete(accessor?.bufferView));
+  for (const image of listOf(json.images)) views.delete(image?.bufferView);
   return { views, accessors };
 }
 
@@ -552,8 +558,8 @@ export class EXTMeshOpacityMicromap extends Extension {
   preread({ jsonDoc: { json, resources }, bufferViews }) {
     const { views, accessors } = ownParts(json);
     listOf(json.bufferViews).forEach((view, index) => {
-      if (!views.has(index) || MESHOPT.some((name) => view.extensions?.[name])) return;
-      const { buffer, byteOffset = 0, byteLength } = view;
+      if (!views.has(index) || MESHOPT.some((name) => view?.extensions?.[name])) return;
+      const { buffer, byteOffset = 0, byteLength } = view ?? {};
       const def = listOf(json.buffers)[buffer];
       const size = Math.min(resources[def?.uri ?? GLB_BUFFER]?.byteLength ?? 0, def?.byteLength ?? 0);
       if (isIndex(byteOffset, size + 1) && isIndex(byteLength, size - byteOffset + 1)) return;
@@ -591,9 +597,9 @@ export class EXTMeshOpacityMicromap extends Extension {
       }));
     const accessorOf = (index) => {
       const array = accessors[index]?.getArray();
-      const { sparse, type, normalized, count } = json.accessors[index] ?? {};
+      const { sparse, type, normalized } = json.accessors[index] ?? {};
       if (!array || sparse) fail('it has sparse accessors');
-      return { array, type, normalized, count };
+      return { array, type, normalized, count: Math.floor(array.length / ELEMENTS[type]) };
     };
     listOf(json.meshes).forEach((meshDef, m) => listOf(meshDef.primitives).forEach((def, p) => {
       const primitive = meshes[m].listPrimitives()[p];
@@ -692,7 +698,8 @@ export class EXTMeshOpacityMicromap extends Extension {
           const geometry = written.of(def);
           const source = sourceOf(json, def, geometry, (image) => textures[image]?.getImage());
           if (!this.#eager && micromap && binding.get('source')?.equals(source))
-            kept.push({ def, place, micromap: { data: micromap.getData(), triangles: micromap.getTriangles() }, indices: binding.getIndices(), options });
+            kept.push({ def, place, options, indices: binding.getIndices(),
+              micromap: { data: micromap.getData(), triangles: micromap.getTriangles() } });
           else stale.push({ primitive, def, place, geometry, source, options });
         } catch (error) {
           if (!(error instanceof Fault)) throw error;
@@ -757,7 +764,8 @@ export class EXTMeshOpacityMicromap extends Extension {
         if (!entry) continue;
         const { data, triangles } = entry.micromap;
         if (!micromaps.has(data)) micromaps.set(data, new OpacityMicromap(graph).set('data', data).set('triangles', triangles));
-        binding.set('indices', entry.indices).set('options', entry.options).set('source', entry.source).setRef('micromap', micromaps.get(data));
+        binding.set('indices', entry.indices).set('options', entry.options).set('source', entry.source);
+        binding.setRef('micromap', micromaps.get(data));
       }
     return this;
   }
@@ -806,7 +814,8 @@ export function micromapConfig({ encoder, onProgramReady, ...config } = {}) {
       const number = (text) => (text === undefined ? undefined : Number(text));
       program
         .command('omm', 'Bake opacity micromaps')
-        .help('Bakes opacity micromaps for all alpha-tested primitives. Other commands keep them where nothing changed that they\ndepend on, and bake them again elsewhere.')
+        .help('Bakes opacity micromaps for all alpha-tested primitives. Other commands keep them where nothing changed\n' +
+          'that they depend on, and bake them again elsewhere.')
         .argument('<input>', 'Path to read glTF 2.0 (.glb, .gltf) model')
         .argument('<output>', 'Path to write output')
         .option('--level <level>', 'Subdivision level, 0 to 12; default: by the texture')
