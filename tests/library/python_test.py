@@ -82,7 +82,7 @@ class Case(unittest.TestCase):
 class Interface(Case):
     """What is written by hand in Python is what the headers state."""
 
-    HEADERS = [re.sub(r"//.*", "", (ROOT / "include/vellum" / name).read_text(encoding="utf-8"))
+    HEADERS = [re.sub(r"//.*|VELLUM_CALL ?", "", (ROOT / "include/vellum" / name).read_text(encoding="utf-8"))
                for name in ("vellum.h", "spirv.h", "gltf.h")]
     TYPES = {"size_t": c_size_t, "uint8_t": c_uint8, "uint16_t": c_uint16, "uint32_t": c_uint32, "int32_t": c_int32,
              "uint64_t": c_uint64, "float": c_float, "double": c_double, "void": c_void_p, "int": c_int, "VellumResult": c_int,
@@ -388,6 +388,27 @@ class Callbacks(Case):
                                  progress=lambda done, total, last=last: done == last)
             self.assertIs(error.result, vellum.Result.CANCELLED)
 
+    def test_last_progress_raises(self):
+        # The library has a result by then.
+        library, destroyed = _native.library("vellum"), []
+        original = library.vellumDestroyMicromap
+
+        def destroy(handle):
+            destroyed.append(handle.value)
+            original(handle)
+
+        def progress(done, total):
+            if done == total:
+                raise KeyError("last")
+        library.vellumDestroyMicromap = destroy
+        try:
+            with self.assertRaises(KeyError):
+                vellum.bake(mesh(), level=3, progress=progress)
+        finally:
+            library.vellumDestroyMicromap = original
+        self.assertEqual(len(destroyed), 1)
+        self.assertTrue(destroyed[0])
+
     def test_callbacks_may_bake(self):
         inner = []
         vellum.bake(mesh(), level=3, progress=lambda done, total: inner.append(baked(mesh())))
@@ -627,6 +648,7 @@ class Modules(Case):
     def test_errors(self):
         invalid = vellum.Result.ERROR_INVALID_ARGUMENT
         self.fails(invalid, "nothing", vellum.edit_spirv, self.words, entry_points=["nothing"])
+        self.rejects(TypeError, "entry_points is a string", vellum.edit_spirv, self.words, entry_points="main")
         for length in (0, 4, 20, len(self.words) - 4):
             self.fails(invalid, ".", vellum.edit_spirv, self.words[:length])
         self.rejects(ValueError, "words has 7 bytes", vellum.edit_spirv, self.words[:7])

@@ -399,7 +399,12 @@ def bake(inputs: BakeInput | Iterable[BakeInput], *, progress: Callable[[int, in
     set_options(call.options, BakeOptions.__optional_keys__, dict(options))
     handle = _native.Handle()
     structures = (_native.BakeInput * len(given))(*(one.structure for one in given))
-    call.run(_native.library("vellum").vellumBake, structures, len(given), byref(call.options), byref(handle))
+    library = _native.library("vellum")
+    try:
+        call.run(library.vellumBake, structures, len(given), byref(call.options), byref(handle))
+    except BaseException:
+        library.vellumDestroyMicromap(handle)  # there may be one: the last call of `progress` can raise
+        raise
     return Micromap(handle, len(given))
 
 

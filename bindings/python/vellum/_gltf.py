@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from ctypes import byref, c_char_p, c_void_p, sizeof
+from ctypes import byref, c_void_p, sizeof
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Callable, MutableMapping, NamedTuple, Sequence, Union, Unpack
 
@@ -114,7 +114,7 @@ def _note_list() -> tuple[list[GltfNote], Any]:
 def _arguments_of(file: Path | ReadableBuffer, name: str) -> tuple[str, tuple[Any, ...], Memory | None]:
     """The end of the function's name, its first arguments, and what must be kept as long as they are used."""
     if isinstance(file, (str, os.PathLike)):
-        return "", (_native.text("file", file),), None
+        return "", (_native.path("file", file),), None
     memory = Memory(view_of("file", file))
     return "Memory", (memory.address, memory.size, _native.text("name", name)), memory
 
@@ -165,12 +165,6 @@ def check_gltf(file: Path | ReadableBuffer, most: int = 100, *, name: str = "inp
     return findings
 
 
-def _strings(name: str, values: Sequence[str]) -> Any:
-    if isinstance(values, str):
-        raise TypeError(f"{name} is a string, expected a list of them")
-    return (c_char_p * len(values))(*(_native.text(name, value) for value in values))
-
-
 class _FileBake:
     """The arguments that files and memory share."""
 
@@ -188,7 +182,7 @@ class _FileBake:
             self.options.flags |= _BLEND | _BLEND_CUTOFF
             _native.set_members(self.options, blend_cutoff=own["blend_cutoff"])
         for member, count in (("excluded_materials", "excluded_material_count"), ("excluded_meshes", "excluded_mesh_count")):
-            patterns = _strings(member, own.get(member) or ())
+            patterns = _native.strings(member, own.get(member) or ())
             setattr(self.options, member, patterns)
             setattr(self.options, count, len(patterns))
         self._skipped, self.options.skipped = _note_list()
@@ -253,6 +247,6 @@ def bake_gltf_file(input: Path, output: Path, *, embed: bool = False, progress: 
     Raises as bake_gltf() does; Result.ERROR_FILE also if a file cannot be written.
     """
     bake = _FileBake(progress, cancelled, embed, dict(options))
-    bake.call.run(_native.library("vellum_gltf").vellumBakeGltf, _native.text("input", input), _native.text("output", output),
+    bake.call.run(_native.library("vellum_gltf").vellumBakeGltf, _native.path("input", input), _native.path("output", output),
                   byref(bake.call.options), byref(bake.options), byref(bake.info))
     return bake.report()

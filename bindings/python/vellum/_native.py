@@ -11,7 +11,7 @@ import sys
 import threading
 from ctypes import POINTER, c_char_p, c_double, c_float, c_int, c_int32, c_size_t, c_uint8, c_uint16, c_uint32, c_uint64, c_void_p
 from enum import IntEnum
-from typing import Any, Callable
+from typing import Any, Callable, Sequence
 
 # Of the headers that are described here, and of the libraries' sonames: before 1.0 another one may differ in anything.
 INTERFACE = "0.1"
@@ -210,12 +210,26 @@ def copied(address: Any, count: int, size: int = 1) -> bytes:
     return bytes((c_uint8 * (count * size)).from_address(ctypes.cast(address, c_void_p).value or 0)) if count else b""
 
 
-def text(name: str, value: str | os.PathLike[str]) -> bytes:
-    """A path or a name in UTF-8."""
-    encoded = os.fsencode(value)
+def _without_nulls(name: str, encoded: bytes) -> bytes:
     if b"\0" in encoded:
         raise ValueError(f"{name} has a null character")
     return encoded
+
+
+def path(name: str, value: str | os.PathLike[str]) -> bytes:
+    """A path as the system has it."""
+    return _without_nulls(name, os.fsencode(value))
+
+
+def text(name: str, value: str) -> bytes:
+    """A name of a file's contents in UTF-8, in any locale."""
+    return _without_nulls(name, value.encode("utf-8", "surrogateescape"))
+
+
+def strings(name: str, values: Sequence[str]) -> Any:
+    if isinstance(values, str):
+        raise TypeError(f"{name} is a string, expected a list of them")
+    return (c_char_p * len(values))(*(text(name, value) for value in values))
 
 
 def set_members(structure: ctypes.Structure, **members: Any) -> None:

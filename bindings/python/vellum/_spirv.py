@@ -2,7 +2,7 @@
 """The execution mode OpacityMicromapIdKHR of SPIR-V modules: vellum/spirv.h."""
 from __future__ import annotations
 
-from ctypes import byref, c_char_p, c_void_p, sizeof
+from ctypes import byref, c_void_p, sizeof
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING, NamedTuple, Sequence
@@ -78,7 +78,7 @@ def edit_spirv(words: ReadableBuffer, edit: int = SpirvEdit.ENABLE, *, entry_poi
     library.vellumInitSpirvOptions(byref(options), sizeof(options))
     _native.set_members(options, edit=edit, constant_id=constant_id, constant_default=int(constant_default))
     options.message = messages.callback
-    options.entry_points = (c_char_p * len(entry_points))(*(_native.text("entry_points", name) for name in entry_points))
+    options.entry_points = _native.strings("entry_points", entry_points)
     options.entry_point_count = len(entry_points)
     memory = Memory(memoryview(view.tobytes()))  # aligned
     handle = c_void_p()
