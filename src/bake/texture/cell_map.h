@@ -135,8 +135,14 @@ private:
         int64_t lower;
     };
 
-    [[nodiscard]] bool isOpaque(float value) const { return std::isfinite(value) && value >= opaqueFrom_; }
-    [[nodiscard]] bool isTransparent(float value) const { return std::isfinite(value) && value < transparentBelow_; }
+    [[nodiscard]] bool isOpaque(float value) const
+    {
+        return std::isfinite(value) && value >= opaqueFrom_;
+    }
+    [[nodiscard]] bool isTransparent(float value) const
+    {
+        return std::isfinite(value) && value < transparentBelow_;
+    }
     [[nodiscard]] Rows rowsOf(const Axis::Run &run) const;
     [[nodiscard]] float texel(int64_t column, int64_t row) const
     {
