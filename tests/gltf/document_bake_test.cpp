@@ -91,8 +91,7 @@ Micromap bakeDirectly(double cutoff, BakeOptions options = optionsOf().bake)
     const Material material = readMaterial(document, 0);
     options.cutoff = cutoff;
     const Image image = readImage(document, 0);
-    return bake(alphaTexture(material, image),
-                triangleUvs(readPrimitive(document, {0, 0}, Positions::Skip)), options)
+    return bake(alphaTexture(material, image), triangleUvs(readPrimitive(document, {0, 0}, Positions::Skip)), options)
         .micromap;
 }
 

@@ -27,7 +27,8 @@ vellum::BakeResult bakeSample(const Sample &sample, const vellum::BakeOptions &o
 
 vellum::AlphaTexture sampleTexture(const Sample &sample)
 {
-    return vellum::AlphaTexture::fromUnorm8(Sample::kSize, Sample::kSize, sample.texels.data() + 3, 4, 4 * Sample::kSize);
+    return vellum::AlphaTexture::fromUnorm8(Sample::kSize, Sample::kSize, sample.texels.data() + 3, 4,
+                                            4 * Sample::kSize);
 }
 
 vellum::BakeOptions sampleOptions()

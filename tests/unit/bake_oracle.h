@@ -158,7 +158,8 @@ private:
         const int64_t x = specifiedTexel(i, texture_.width, texture_.wrapU);
         const int64_t y = specifiedTexel(j, texture_.height, texture_.wrapV);
         const bool inside = x >= 0 && x < texture_.width && y >= 0 && y < texture_.height;
-        const float alpha = inside ? texture_.value(texture_.place(static_cast<size_t>(x), static_cast<size_t>(y))) : texture_.border;
+        const float alpha =
+            inside ? texture_.value(texture_.place(static_cast<size_t>(x), static_cast<size_t>(y))) : texture_.border;
         return numberOf(double{alpha}, N{});
     }
 

@@ -69,7 +69,8 @@ class DocumentBaker
 public:
     // `areas` may be null.
     DocumentBaker(const Document &document, const DocumentBakeOptions &options, const SurfaceAreas *areas)
-        : document_(document), options_(options), areas_(areas), changing_(document), textures_(document, options.images)
+        : document_(document), options_(options), areas_(areas), changing_(document),
+          textures_(document, options.images)
     {
     }
 

@@ -35,8 +35,8 @@ struct Row {
 constexpr Row kRows[] = {VELLUM_SETTINGS(VELLUM_ROW)};
 #undef VELLUM_ROW
 
-// Variables with the prefix of settings that are not settings: those of the tests, of the Python package, and of `vellum
-// run`.
+// Variables with the prefix of settings that are not settings: those of the tests, of the Python package, and of
+// `vellum run`.
 constexpr const char *kOtherVariables[] = {"TEST_",   "ORACLE_", "STRESS",  "LOWER_",
                                            "FORCING", "LIBRARY", "FAIL_ON", "REQUIRE_CHECKS"};
 
