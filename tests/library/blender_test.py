@@ -6,6 +6,7 @@ makes of Blender's plain export.
 usage: blender_test.py <folder of the libraries> <vellum> [PICTURE]    PICTURE: where to render the preview to
 """
 import json
+import math
 import os
 import pathlib
 import shutil
@@ -13,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+import unittest.mock
 
 try:
     import bpy
@@ -230,9 +232,15 @@ class Addon(unittest.TestCase):
             self.render(PICTURES[0])
         # Another preview, and an export, begin without them.
         self.preview()
+        self.cards[0].name = "renamed"
+        bpy.data.objects.remove(self.cards.pop())
         self.export()
+        before["objects"] -= 1
+        selected.remove("child")
+        selected[selected.index("low")] = "renamed"
         self.assertEqual(counts(), before)
-        self.assertEqual([each.name for each in bpy.context.view_layer.objects if not each.hide_get()], selected)
+        self.assertFalse(any(each.hide_render for each in self.cards))
+        self.assertCountEqual([each.name for each in bpy.context.view_layer.objects if not each.hide_get()], selected)
         self.preview()
         bpy.ops.vellum.clear_preview()
         self.assertEqual(counts(), before)
@@ -241,18 +249,22 @@ class Addon(unittest.TestCase):
         bpy.ops.preferences.addon_enable(module="cycles")
         scene = bpy.context.scene
         camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
-        camera.location, camera.rotation_euler = (0.6, -8.5, 2.6), (1.52, 0, 0)
+        camera.location, camera.rotation_euler = (0.6, -7.8, 2), (math.pi / 2, 0, 0)
         scene.collection.objects.link(camera)
         scene.camera, scene.render.engine, scene.cycles.samples = camera, "CYCLES", 16
         scene.cycles.use_denoising = False  # Debian's has no denoiser
         scene.world.use_nodes, scene.world.color, scene.view_settings.view_transform = False, (1, 1, 1), "Standard"
-        scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 480, 320, 100
+        scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 400, 320, 100
         scene.render.image_settings.file_format, scene.render.image_settings.color_mode = "PNG", "RGB"
         scene.render.image_settings.compression = 100
-        for each in (self.wood, *self.cards):
-            each.hide_render = True
+        self.wood.hide_render = True
         scene.render.filepath = str(pathlib.Path(path).resolve())
         bpy.ops.render.render(write_still=True)
+        picture = bpy.data.images.load(scene.render.filepath)
+        pixels = numpy.array(picture.pixels[:]).reshape(-1, 4) * 255
+        for colour in self.addon.work.states.COLOURS:
+            self.assertGreater((abs(pixels - colour) < 8).all(axis=1).sum(), 30, colour)
+        bpy.data.images.remove(picture)
         bpy.data.objects.remove(camera)
         bpy.data.cameras.remove(bpy.data.cameras[0])
         bpy.data.images.remove(bpy.data.images["Render Result"])
@@ -289,7 +301,12 @@ class Addon(unittest.TestCase):
 
     def test_exporter_fails(self):
         bpy.context.scene["glTF2ExportSettings"] = {"export_image_format": "unknown"}
-        self.assertFails("Error: Blender's glTF exporter failed: ", self.export)
+        self.assertFails("Error: Blender's glTF exporter failed: .*unknown", self.export)
+        del bpy.context.scene["glTF2ExportSettings"]
+        from io_scene_gltf2.blender.exp import gltf2_blender_export as exporter
+        with unittest.mock.patch.object(exporter, "save", side_effect=KeyError("a cause")):
+            self.assertFails("Error: Blender's glTF exporter failed: KeyError: 'a cause'\n?$", self.export)
+        self.assertEqual(list(self.folder.iterdir()), [])
 
     def test_libraries_are_missing(self):
         loaded = {name: sys.modules.pop(name) for name in list(sys.modules) if name.startswith("io_vellum.vellum")}

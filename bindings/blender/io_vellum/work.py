@@ -12,7 +12,7 @@ import numpy
 from . import states
 
 PREVIEW = "Vellum preview"
-_SOURCE = "vellum_source"  # of a copy in the preview: the name of the object that it is seen instead of
+_SOURCE = "vellum_source"  # marks what belongs to the preview; of a copy: the object that it is seen instead of
 _NOT_TAKEN = ("filepath", "check_existing", "export_format", "will_save_settings", "export_keep_originals", "filter_glob")
 
 
@@ -70,7 +70,8 @@ def _export(context, path, **forced):
         operator("EXEC_DEFAULT", filepath=str(path), check_existing=False,
                  **{name: value for name, value in chosen.items() if name in known})
     except (RuntimeError, TypeError) as error:
-        raise Problem(f"Blender's glTF exporter failed: {str(error).strip().splitlines()[-1]}") from None
+        lines = [line for line in str(error).splitlines() if line.strip() and not line.startswith("Location: ")]
+        raise Problem(f"Blender's glTF exporter failed: {lines[-1]}") from None
 
 
 def _nothing(report):
@@ -139,6 +140,7 @@ def preview(context, size):
         raise _nothing(report)
     images = {name: _image_of(name, picture) for name, (_, picture) in pictures.items()}
     collection = bpy.data.collections.new(PREVIEW)
+    collection[_SOURCE] = True
     context.scene.collection.children.link(collection)
     materials = {}
     for source in list(context.view_layer.objects):
@@ -146,7 +148,7 @@ def preview(context, size):
         if source.type != "MESH" or not used or source.hide_get():
             continue
         copy = source.copy()
-        copy[_SOURCE] = source.name
+        copy[_SOURCE] = source
         collection.objects.link(copy)
         for slot, original in zip(copy.material_slots, source.material_slots):
             name = original.material.name if original.material else ""
@@ -159,13 +161,14 @@ def preview(context, size):
                 slot.link = "OBJECT"
                 slot.material = materials[key]
         source.hide_set(True)
+        source.hide_render = True
     return sorted(pictures)
 
 
 def _image_of(name, picture):
     height, width, _ = picture.shape
     image = bpy.data.images.new(f"{PREVIEW}: {name}", width, height, alpha=True)
-    image[_SOURCE] = name
+    image[_SOURCE] = True
     image.pixels.foreach_set((picture[::-1].astype(numpy.float32) / 255).ravel())  # Blender's row 0 is the lowest
     image.pack()
     return image
@@ -174,7 +177,7 @@ def _image_of(name, picture):
 def _material_of(name, uv_map, image):
     """Shows an image without light."""
     material = bpy.data.materials.new(f"{PREVIEW}: {name}")
-    material[_SOURCE] = name
+    material[_SOURCE] = True
     material.use_nodes = True
     nodes, links = material.node_tree.nodes, material.node_tree.links
     nodes.clear()
@@ -191,12 +194,12 @@ def _material_of(name, uv_map, image):
 def clear_preview(context):
     """Removes what preview() made, and shows the objects again."""
     for copy in [each for each in bpy.data.objects if _SOURCE in each]:
-        source = context.view_layer.objects.get(copy[_SOURCE])
-        if source:
-            source.hide_set(False)
+        source = copy[_SOURCE]
+        if source:  # it may have been deleted
+            source.hide_render = copy.hide_render
+            if source.name in context.view_layer.objects:
+                source.hide_set(False)
         bpy.data.objects.remove(copy)
-    for items in (bpy.data.materials, bpy.data.images):
+    for items in (bpy.data.materials, bpy.data.images, bpy.data.collections):
         for item in [each for each in items if _SOURCE in each]:
             items.remove(item)
-    for collection in [each for each in bpy.data.collections if each.name.startswith(PREVIEW) and not each.objects]:
-        bpy.data.collections.remove(collection)
