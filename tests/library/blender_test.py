@@ -170,7 +170,7 @@ class Addon(unittest.TestCase):
 
     def test_blended_materials(self):
         self.material.blend_method = "BLEND"
-        self.assertFails(r"Nothing can be baked: mesh 0 \"low\" primitive 0: its alphaMode is BLEND, and 2 more like it\. Set",
+        self.assertFails(r"Nothing can be baked: mesh 0 \"low\" primitive 0: its alphaMode is BLEND, and 2 more\. Set",
                          self.export)
         self.assertEqual(list(self.folder.iterdir()), [])
         self.settings.blend = True

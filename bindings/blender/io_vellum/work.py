@@ -80,7 +80,7 @@ def _nothing(report):
         return Problem("No material is alpha-clipped: set Blend Mode to Alpha Clip in the material's settings, and connect the "
                        "image's Alpha to that of the shader")
     place, reason = report.skipped[0]
-    more = f", and {len(report.skipped) - 1} more like it" if len(report.skipped) > 1 else ""
+    more = f", and {len(report.skipped) - 1} more" if len(report.skipped) > 1 else ""
     advice = ". Set Blend Mode to Alpha Clip in the material's settings, or turn on Also Alpha Blend" if "BLEND" in reason else ""
     return Problem(f"Nothing can be baked: {place}: {reason}{more}{advice}")
 
