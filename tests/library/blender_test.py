@@ -48,7 +48,8 @@ def vellum(*words, status=0):
 def leaf():
     """Two leaves and a stem, of which no mirror image or rotation is the same; row 0 is the lowest: (SIZE, SIZE, 4), 0 to 1."""
     y, x = (numpy.mgrid[:SIZE, :SIZE] + 0.5) / SIZE
-    inside = numpy.maximum(1 - ((x - 0.35) / 0.3) ** 2 - ((y - 0.65) / 0.2) ** 2, 1 - ((x - 0.7) / 0.12) ** 2 - ((y - 0.3) / 0.25) ** 2)
+    inside = 1 - ((x - 0.35) / 0.3) ** 2 - ((y - 0.65) / 0.2) ** 2
+    inside = numpy.maximum(inside, 1 - ((x - 0.7) / 0.12) ** 2 - ((y - 0.3) / 0.25) ** 2)
     inside = numpy.maximum(inside, 8 * (0.03 - abs(x - 0.5 + 0.2 * y)))
     alpha = numpy.clip(0.5 + 4 * inside, 0, 1)
     return numpy.stack([0.2 + 0.2 * y, 0.5 + 0 * x, 0.1 + 0 * x, numpy.round(alpha * 255) / 255], axis=-1).astype(numpy.float32)
@@ -257,6 +258,9 @@ class Addon(unittest.TestCase):
         scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 400, 320, 100
         scene.render.image_settings.file_format, scene.render.image_settings.color_mode = "PNG", "RGB"
         scene.render.image_settings.compression = 100
+        for name in dir(scene.render):
+            if name.startswith("use_stamp_"):  # times and paths in the file
+                setattr(scene.render, name, False)
         self.wood.hide_render = True
         scene.render.filepath = str(pathlib.Path(path).resolve())
         bpy.ops.render.render(write_still=True)
@@ -285,7 +289,8 @@ class Addon(unittest.TestCase):
         self.assertEqual((report.primitive_count, len(report.skipped)), (3, 1))
         for each in self.cards:
             bpy.data.objects.remove(each)
-        self.assertFails(r'Nothing can be baked: mesh \d "bare" primitive 0: it has no texture coordinates', self.export, "other.glb")
+        self.assertFails(r'Nothing can be baked: mesh \d "bare" primitive 0: it has no texture coordinates',
+                         self.export, "other.glb")
 
     def test_files_that_cannot_be_written(self):
         (self.folder / "folder.glb").mkdir()
