@@ -9,6 +9,7 @@ import json
 import math
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -157,6 +158,13 @@ class Addon(unittest.TestCase):
     def test_name_without_an_ending(self):
         bpy.ops.export_scene.gltf_micromaps(filepath=str(self.folder / "tree.v2"))
         vellum("verify", "--strict", "--require-micromaps", self.folder / "tree.v2.glb")
+
+    def test_example_of_the_page(self):
+        example, = re.findall(r"^```python\n(.*?)^```", (ROOT / "docs/blender.md").read_text(encoding="utf-8"), re.M | re.S)
+        self.assertIn("/tmp/tree.glb", example)
+        exec(example.replace("/tmp/", f"{self.folder}/"), {})
+        vellum("verify", "--strict", "--require-micromaps", self.folder / "tree.glb")
+        self.assertEqual((self.settings.levels, self.settings.budget), ("BUDGET", 64))
 
     def test_gltf_with_files(self):
         self.export("tree.gltf")
