@@ -67,12 +67,13 @@ def material_of(name, image):
     return material
 
 
-def card(name, material, location, rotation=(0, 0, 0), scale=(1, 1, 1)):
+def card(name, material, location, rotation=(0, 0, 0), scale=(1, 1, 1), part=1):
+    """An object with a square that shows a part of the texture, from a corner on."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata([(-1, 0, 0), (1, 0, 0), (1, 0, 2), (-1, 0, 2)], [], [(0, 1, 2, 3)])
     coordinates = mesh.uv_layers.new(name="UVMap")
     for loop, uv in zip(coordinates.data, [(0, 0), (1, 0), (1, 1), (0, 1)]):
-        loop.uv = uv
+        loop.uv = uv[0] * part, uv[1] * part
     mesh.materials.append(material)
     made = bpy.data.objects.new(name, mesh)
     made.location, made.rotation_euler, made.scale = location, rotation, scale
@@ -113,7 +114,8 @@ class Addon(unittest.TestCase):
         self.image.pixels.foreach_set(self.pixels.ravel())
         self.image.pack()
         self.material = material_of("leaves", self.image)
-        self.cards = [card("low", self.material, (0, 0, 0)), card("high", self.material, (1.5, 1, 0.5), (0, 0.4, 1), (1, 1, 1.5)),
+        self.cards = [card("low", self.material, (0, 0, 0)),
+                      card("high", self.material, (1.5, 1, 0.5), (0, 0.4, 1), (1, 1, 1.5), 0.6),
                       card("child", self.material, (-1, 0, 1), (0.3, 0, -0.8), (0.5, 0.7, 0.6))]
         self.cards[2].parent = self.cards[1]
         self.wood = card("wood", bpy.data.materials.new("wood"), (0, 2, 0))
