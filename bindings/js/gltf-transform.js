@@ -32,11 +32,30 @@ const listOf = (value) => (Array.isArray(value) ? value : []);
 const viewOf = (bytes) => new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
 const bytesOf = (array) => new Uint8Array(array.buffer, array.byteOffset, array.byteLength);
 
+// A function that makes the value of a key once.
+function memo() {
+  const values = new Map();
+  return (key, make) => {
+    if (!values.has(key)) values.set(key, make());
+    return values.get(key);
+  };
+}
+
 function equalBytes(a, b) {
   if (a === b) return true;
   if (!a || !b || a.byteLength !== b.byteLength) return false;
   const [x, y] = [bytesOf(a), bytesOf(b)];
   return x.every((value, i) => value === y[i]);
+}
+
+// The bytes of images as they are now: an application may write to the array of a texture.
+const imageCopies = new WeakMap();
+
+// The same array for the same bytes.
+function copyOf(image) {
+  if (!image) return undefined;
+  if (!equalBytes(imageCopies.get(image), image)) imageCopies.set(image, image.slice());
+  return imageCopies.get(image);
 }
 
 // Micromap triangles, as Vulkan stores them.
@@ -156,7 +175,7 @@ function imageIndexOf(texture) {
 
 // Of vertices with so many `elements`, the `kept` ones from `from` on, for each corner of the triangles.
 function cornersOf({ array, normalized }, indices, elements, from, kept) {
-  const scale = normalized ? { 1: 255, 2: 65535 }[array.BYTES_PER_ELEMENT] : 1;
+  const scale = normalized ? { 1: 255, 2: 65535 }[array.BYTES_PER_ELEMENT] ?? 1 : 1;
   const signed = normalized && (array instanceof Int8Array || array instanceof Int16Array);
   const most = signed ? (scale - 1) / 2 : scale;
   const vertices = array.length / elements;
@@ -168,11 +187,31 @@ function cornersOf({ array, normalized }, indices, elements, from, kept) {
   return values;
 }
 
-// `geometry`: indices, and attributes by name: { array, type, normalized }. `imageOf`: the bytes of an image by its number.
-function sourceOf(json, def, geometry, imageOf) {
+// Materials whose alpha an animation changes (KHR_animation_pointer), by number.
+function animatedMaterials(json) {
+  const pointers = listOf(json.animations).flatMap((animation) => listOf(animation?.channels))
+    .map((channel) => channel?.target?.extensions?.KHR_animation_pointer?.pointer);
+  return new Set(pointers.map((pointer) => Number(/^\/materials\/(\d+)\/.*(alphaCutoff|baseColor)/.exec(pointer)?.[1])));
+}
+
+// What primitives of a file have in common. `imageOf`: the bytes of an image by its number, each compared once.
+function sharedSource(json, textures) {
+  const once = memo();
+  const imageOf = (index) => once(index, () => copyOf(textures[index]?.getImage()));
+  return { json, imageOf, animated: animatedMaterials(json) };
+}
+
+// `geometry`: indices, and attributes by name: { array, type, normalized }.
+function sourceOf({ json, imageOf, animated }, def, geometry) {
   if ((def.mode ?? TRIANGLES) !== TRIANGLES) fail(`its mode is ${def.mode}, not 4 (TRIANGLES)`);
   const material = json.materials?.[def.material] ?? {};
   if (material.extensions?.KHR_materials_pbrSpecularGlossiness) fail('its alpha is that of KHR_materials_pbrSpecularGlossiness');
+  if (animated.has(def.material)) fail("its material's alpha is animated (KHR_animation_pointer)");
+  if (listOf(def.extensions?.KHR_materials_variants?.mappings).some((mapping) => mapping?.material !== def.material))
+    fail('its material can be changed (KHR_materials_variants)');
+  const checkMorphs = (semantic) => {
+    if (listOf(def.targets).some((target) => target?.[semantic] !== undefined)) fail(`morph targets change its ${semantic}`);
+  };
   const pbr = material.pbrMetallicRoughness ?? {};
   const info = pbr.baseColorTexture;
   const texture = json.textures?.[info?.index];
@@ -183,11 +222,13 @@ function sourceOf(json, def, geometry, imageOf) {
   if (texture) {
     const set = `TEXCOORD_${transform?.texCoord ?? info.texCoord ?? 0}`;
     const uvs = geometry.attributes[set] ?? fail(`it has no ${set}`);
+    checkMorphs(set);
     corners = cornersOf(uvs, geometry.indices, 2, 0, 2);
     const { offset = [0, 0], rotation = 0, scale = [1, 1] } = transform ?? {};
     alpha.push(sampler?.wrapS ?? 10497, sampler?.wrapT ?? 10497, sampler?.magFilter ?? 9729, ...offset, rotation, ...scale);
   }
   const colors = geometry.attributes.COLOR_0;
+  if (colors?.type === 'VEC4') checkMorphs('COLOR_0');
   const cornerAlpha = colors?.type === 'VEC4' ? cornersOf(colors, geometry.indices, 4, 3, 1) : undefined;
   // The number of triangles matters, even where nothing else does.
   return new Source(JSON.stringify([geometry.indices.length, ...alpha]), texture && imageOf(imageIndexOf(texture)), corners, cornerAlpha);
@@ -208,7 +249,7 @@ function geometryOf(def, read) {
 
 // Geometry as a finished file has it: compressors change the order of triangles and corners, and the values.
 class WrittenGeometry {
-  #decoded = new Map();
+  #once = memo();
 
   constructor({ json, resources }, accessorOf, dependencies) {
     Object.assign(this, { json, resources, accessorOf, dependencies });
@@ -224,8 +265,13 @@ class WrittenGeometry {
     return resource.subarray(byteOffset, byteOffset + byteLength);
   }
 
+  // gltf-transform does not write accessors without a buffer.
+  #definition(index) {
+    return this.json.accessors?.[index] ?? fail('one of its accessors has no buffer');
+  }
+
   #accessor(index) {
-    const { bufferView, byteOffset = 0, componentType, count, type, normalized } = this.json.accessors[index];
+    const { bufferView, byteOffset = 0, componentType, count, type, normalized } = this.#definition(index);
     const view = this.json.bufferViews?.[bufferView];
     const compressed = MESHOPT.map((name) => view?.extensions?.[name]).find(Boolean);
     if (!compressed) {
@@ -234,11 +280,6 @@ class WrittenGeometry {
     }
     const bytes = this.#once(bufferView, () => this.#meshopt(compressed));
     return { array: unpacked(bytes, byteOffset, view.byteStride, componentType, ELEMENTS[type], count), type, normalized, count, componentType };
-  }
-
-  #once(key, decode) {
-    if (!this.#decoded.has(key)) this.#decoded.set(key, decode());
-    return this.#decoded.get(key);
   }
 
   #decoder(name) {
@@ -275,7 +316,7 @@ class WrittenGeometry {
         const found = {};
         for (const [semantic, id] of Object.entries(attributes)) {
           if (!isWanted(semantic)) continue;
-          const { componentType, type, normalized } = this.json.accessors[def.attributes[semantic]];
+          const { componentType, type, normalized } = this.#definition(def.attributes[semantic]);
           const attribute = decoder.GetAttributeByUniqueId(mesh, id);
           const array = copied(COMPONENTS[componentType], vertices * ELEMENTS[type], (size, address) =>
             decoder.GetAttributeDataArrayForAllPoints(mesh, attribute, module[types[componentType]], size, address));
@@ -309,14 +350,14 @@ const isTested = (material, { blend, blendCutoff } = {}) =>
   material?.alphaMode === 'MASK' || (material?.alphaMode === 'BLEND' && (blend === true || blendCutoff !== undefined));
 const nameOf = (place) => `mesh ${place.mesh}${place.name ? ` "${place.name}"` : ''} primitive ${place.primitive}`;
 
-// PNG images in place of those that vellum.wasm does not decode, by their bytes.
+// PNG images in place of those that vellum.wasm does not decode, by copyOf() of their bytes.
 const decodedImages = new WeakMap();
 
 async function decodeImages(document, encoder) {
   if (!encoder) return;
   for (const material of document.getRoot().listMaterials()) {
     const texture = material.getAlphaMode() === 'OPAQUE' ? null : material.getBaseColorTexture();
-    const image = texture?.getImage();
+    const image = copyOf(texture?.getImage());
     if (!image || !/^image\/(webp|avif)$/.test(texture.getMimeType()) || decodedImages.has(image)) continue;
     try {
       decodedImages.set(image, new Uint8Array(await encoder(image).png().toBuffer()));
@@ -358,7 +399,7 @@ function bakeInput(json, primitives, textures) {
   const unused = { bufferView: addView(new Uint8Array(4)), mimeType: 'image/png' };
   const images = textures.map((texture, i) => {
     if (!used.has(i)) return unused;
-    const image = texture.getImage() ?? new Uint8Array();
+    const image = copyOf(texture.getImage()) ?? new Uint8Array();
     const decoded = decodedImages.get(image);
     return { bufferView: addView(decoded ?? image), mimeType: decoded ? 'image/png' : texture.getMimeType() };
   });
@@ -371,15 +412,11 @@ function bakeInput(json, primitives, textures) {
     const attributes = { POSITION: accessors.length - 1 };
     for (const [semantic, attribute] of Object.entries(geometry.attributes)) attributes[semantic] = addAccessor(attribute);
     const indices = addAccessor({ array: Uint32Array.from(geometry.indices), type: 'SCALAR', componentType: 5125 });
-    const variants = def.extensions?.KHR_materials_variants;
-    return { name: place.name, primitives: [{ attributes, indices, material: def.material,
-      ...(variants && { extensions: { KHR_materials_variants: variants } }) }] };
+    return { name: place.name, primitives: [{ attributes, indices, material: def.material }] };
   });
-  const variants = json.extensions?.KHR_materials_variants;
   const some = (list) => (list?.length > 0 ? list : undefined);
   const text = new TextEncoder().encode(JSON.stringify({
     asset: { version: '2.0' }, extensionsUsed: some(json.extensionsUsed?.filter((name) => ![NAME, DRACO, ...MESHOPT].includes(name))),
-    ...(variants && { extensions: { KHR_materials_variants: variants } }),
     materials: some(json.materials), textures: some(json.textures?.map(plainTexture)), samplers: some(json.samplers), images: some(images),
     meshes, accessors, bufferViews, buffers: [{ byteLength: length }],
   }));
@@ -410,23 +447,53 @@ function bake(vellum, json, primitives, textures, options, callbacks) {
   return results;
 }
 
+// A budget is for all of a file: what `entries` already have counts.
+function withinBudget(options, entries) {
+  if (options.budget === undefined) return options;
+  const sizes = new Map(entries.map(({ micromap: { data, triangles } }) => [data, data.length + triangles.length]));
+  const used = [...sizes.values()].reduce((a, b) => a + b, 0);
+  return { ...options, budget: Math.max(options.budget - used, 0) };
+}
+
 // Files
 
-function readMicromap(element, json, bufferViews) {
+// `once`: makes what a key stands for when it is first wanted. Many elements may have the same large buffer views.
+function readMicromap(element, json, bufferViews, once) {
   if (typeof element !== 'object' || element === null) fail('it is not an object');
   const bytes = (name) => {
     if (!isIndex(element[name], listOf(json.bufferViews).length)) fail(`"${name}" is ${element[name]}, not a buffer view`);
     return bufferViews[element[name]] ?? fail(`"${name}": buffer view ${element[name]} reaches outside of its buffer`);
   };
-  const data = bytes('data').slice();
-  const stored = bytes('triangles');
+  const [data, stored] = [bytes('data'), bytes('triangles')];
   const stride = json.bufferViews[element.triangles].byteStride ?? RECORD_BYTES;
   if (!Number.isInteger(stride) || stride < RECORD_BYTES || stride % 4 !== 0) fail(`"triangles": byteStride is ${stride}`);
-  const count = Math.floor((stored.length + stride - RECORD_BYTES) / stride);
-  const triangles = new Uint8Array(count * RECORD_BYTES);
-  for (let i = 0; i < count; ++i) triangles.set(stored.subarray(i * stride, i * stride + RECORD_BYTES), i * RECORD_BYTES);
-  checkRecords(data, triangles);
-  return { data, triangles };
+  const triangles = once(`triangles ${element.triangles}`, () => {
+    const count = Math.floor((stored.length + stride - RECORD_BYTES) / stride);
+    const records = new Uint8Array(count * RECORD_BYTES);
+    for (let i = 0; i < count; ++i) records.set(stored.subarray(i * stride, i * stride + RECORD_BYTES), i * RECORD_BYTES);
+    return records;
+  });
+  once(`${element.data} ${element.triangles}`, () => checkRecords(data, triangles));
+  return { data: once(`data ${element.data}`, () => data.slice()), triangles };
+}
+
+// Elements of "micromapIndices": zeros without a buffer view, and with those of "sparse" in place of some.
+function scalarsOf({ componentType, count, sparse, ...accessor }, json, bufferViews) {
+  const read = ({ bufferView, byteOffset = 0 }, type, length) => {
+    const bytes = bufferViews[bufferView] ?? fail('"micromapIndices" has no valid buffer view');
+    return unpacked(bytes, byteOffset, json.bufferViews[bufferView].byteStride, type, 1, length);
+  };
+  const Type = COMPONENTS[componentType] ?? fail(`component type ${componentType} does not exist`);
+  const elements = accessor.bufferView === undefined ? new Type(count) : read(accessor, componentType, count);
+  if (sparse === undefined) return elements;
+  const { count: replaced, indices, values } = sparse ?? {};
+  if (!isIndex(replaced, count + 1) || !indices || !values) fail('"micromapIndices": "sparse" is invalid');
+  const changed = read(values, componentType, replaced);
+  read(indices, indices.componentType, replaced).forEach((index, i) => {
+    if (!isIndex(index, count)) fail(`"micromapIndices": "sparse" has element ${index} of ${count}`);
+    elements[index] = changed[i];
+  });
+  return elements;
 }
 
 function readIndices(def, json, bufferViews, triangles, records) {
@@ -438,12 +505,10 @@ function readIndices(def, json, bufferViews, triangles, records) {
     indices = sequence(triangles);
   } else {
     const accessor = listOf(json.accessors)[def.micromapIndices] ?? fail(`"micromapIndices": accessor ${def.micromapIndices} does not exist`);
-    const { bufferView, byteOffset = 0, componentType, type, count } = accessor;
+    const { componentType, type, count } = accessor;
     if (type !== 'SCALAR' || componentType === 5126) fail('"micromapIndices": it is not a scalar of integers');
     if (count !== triangles) fail(`"micromapIndices" has ${count} elements for ${triangles} triangles`);
-    const bytes = bufferViews[bufferView] ?? fail('"micromapIndices" has no valid buffer view');
-    if (accessor.sparse) fail('"micromapIndices" is sparse');
-    indices = unpacked(bytes, byteOffset, json.bufferViews[bufferView].byteStride, componentType, 1, count);
+    indices = scalarsOf(accessor, json, bufferViews);
   }
   // Special indices are -1 to -4, also in unsigned types.
   const special = indices.BYTES_PER_ELEMENT === 4 ? 2 ** 32 : 2 ** (8 * indices.BYTES_PER_ELEMENT);
@@ -530,8 +595,10 @@ function ownParts(json) {
   for (const primitive of primitives) accessors.add(primitive?.extensions?.[NAME]?.micromapIndices);
   for (const primitive of primitives)
     [primitive?.indices, ...Object.values(primitive?.attributes ?? {})].forEach((index) => accessors.delete(index));
-  listOf(json.accessors).forEach((accessor, index) => accessors.has(index) && views.add(accessor?.bufferView));
-  listOf(json.accessors).forEach((accessor, index) => accessors.has(index) || views.delete(accessor?.bufferView));
+  const viewsOf = (accessor) => [accessor, accessor?.sparse?.indices, accessor?.sparse?.values].map((part) => part?.bufferView);
+  const visit = (own, action) => listOf(json.accessors).forEach((accessor, i) => accessors.has(i) === own && viewsOf(accessor).forEach(action));
+  visit(true, (view) => views.add(view));
+  visit(false, (view) => views.delete(view));
   for (const image of listOf(json.images)) views.delete(image?.bufferView);
   return { views, accessors };
 }
@@ -576,6 +643,7 @@ export class EXTMeshOpacityMicromap extends Extension {
   read(context) {
     const { jsonDoc, meshes, accessors, textures } = context;
     const json = { ...jsonDoc.json, accessors: this.#accessors };
+    const shared = sharedSource(json, textures);
     const bufferViews = context.bufferViews.map((view, index) => (this.#broken.has(index) ? undefined : view));
     const graph = this.document.getGraph();
     const attempt = (what, read) => {
@@ -590,15 +658,16 @@ export class EXTMeshOpacityMicromap extends Extension {
     const list = json.extensions?.[NAME]?.micromaps;
     if (!Array.isArray(list)) attempt('the file', () => fail('"micromaps" is not an array'));
     const blendCutoff = json.extensions?.[NAME]?.extras?.blendCutoff;
+    const once = memo();
     const micromaps = listOf(list).map((element, i) =>
       attempt(`micromaps[${i}], which is dropped`, () => {
-        const { data, triangles } = readMicromap(element, json, bufferViews);
+        const { data, triangles } = readMicromap(element, json, bufferViews, once);
         return new OpacityMicromap(graph).set('data', data).set('triangles', triangles);
       }));
     const accessorOf = (index) => {
       const array = accessors[index]?.getArray();
-      const { sparse, type, normalized } = json.accessors[index] ?? {};
-      if (!array || sparse) fail('it has sparse accessors');
+      const { type, normalized } = json.accessors[index] ?? {};
+      if (!array) fail(`accessor ${index} has no data`);
       return { array, type, normalized, count: Math.floor(array.length / ELEMENTS[type]) };
     };
     listOf(json.meshes).forEach((meshDef, m) => listOf(meshDef.primitives).forEach((def, p) => {
@@ -619,7 +688,7 @@ export class EXTMeshOpacityMicromap extends Extension {
         try {
           const geometry = geometryOf(def, accessorOf);
           corners = geometry.indices.length;
-          source = sourceOf(json, def, geometry, (image) => textures[image]?.getImage());
+          source = sourceOf(shared, def, geometry);
         } catch (error) {
           if (!(error instanceof Fault)) throw error;
         }
@@ -675,6 +744,7 @@ export class EXTMeshOpacityMicromap extends Extension {
     this.#context = undefined;
     const { json } = context.jsonDoc;
     const textures = this.document.getRoot().listTextures();
+    const shared = sharedSource(json, textures);
     const accessors = new Map([...context.accessorIndexMap].map(([accessor, index]) => [index, accessor]));
     const written = new WrittenGeometry(context.jsonDoc, (index) => accessors.get(index), this.#dependencies);
     const kept = [];
@@ -696,18 +766,18 @@ export class EXTMeshOpacityMicromap extends Extension {
         try {
           if (!tested) fail('its material is not alpha-tested any more');
           const geometry = written.of(def);
-          const source = sourceOf(json, def, geometry, (image) => textures[image]?.getImage());
+          const source = sourceOf(shared, def, geometry);
           if (!this.#eager && micromap && binding.get('source')?.equals(source))
             kept.push({ def, place, options, indices: binding.getIndices(),
               micromap: { data: micromap.getData(), triangles: micromap.getTriangles() } });
-          else stale.push({ primitive, def, place, geometry, source, options });
+          else stale.push({ primitive, def, place, geometry, source, options, isNew: !micromap });
         } catch (error) {
           if (!(error instanceof Fault)) throw error;
           drop(place, error.message);
         }
       });
     }
-    let found = [...kept, ...this.#bakeAll(json, stale, textures, drop)];
+    let found = [...kept, ...this.#bakeAll(json, kept, stale, textures, drop)];
     if (this.#eager) return this.#store(found);
     // A file has one cutoff of blended alpha.
     const blended = found.filter(({ def }) => json.materials[def.material].alphaMode === 'BLEND');
@@ -726,7 +796,7 @@ export class EXTMeshOpacityMicromap extends Extension {
     return bindings[0]?.getOptions() ?? {};
   }
 
-  #bakeAll(json, stale, textures, drop) {
+  #bakeAll(json, kept, stale, textures, drop) {
     const { vellum } = this.#dependencies;
     const groups = new Map();
     for (const entry of stale) {
@@ -734,21 +804,28 @@ export class EXTMeshOpacityMicromap extends Extension {
       groups.set(key, [...(groups.get(key) ?? []), entry]);
     }
     const found = [];
-    for (const group of groups.values()) {
+    const attempt = (group) => {
       let results;
       try {
-        if (!vellum) fail('it changed since it was baked, and the dependency "vellum", which would bake it again, is not registered');
-        results = bake(vellum, json, group, textures, group[0].options, this.#eager?.callbacks);
+        const options = withinBudget(group[0].options, [...kept, ...found]);
+        results = bake(vellum, json, group, textures, options, this.#eager?.callbacks);
       } catch (error) {
         if (this.#eager) throw error;
-        results = group.map(() => ({ reason: error.message }));
+        // What is wrong with one of them costs the others nothing.
+        if (group.length > 1) return group.forEach((entry) => attempt([entry]));
+        results = [{ reason: error.message }];
       }
       group.forEach((entry, i) => {
         if (!results[i].micromap) return drop(entry.place, results[i].reason);
         found.push({ ...entry, ...results[i] });
-        if (!this.#eager) this.document.getLogger().info(`${NAME}: ${nameOf(entry.place)} changed since it was baked, and was baked again`);
+        const what = entry.isNew ? 'was baked' : 'changed since it was baked, and was baked again';
+        if (!this.#eager) this.document.getLogger().info(`${NAME}: ${nameOf(entry.place)} ${what}`);
       });
-    }
+    };
+    if (vellum) for (const group of groups.values()) attempt(group);
+    else
+      for (const { place, isNew } of stale)
+        drop(place, `${isNew ? 'it is new' : 'it changed since it was baked'}, and the dependency "vellum", which would bake it, is not registered`);
     return found;
   }
 
@@ -772,12 +849,12 @@ export class EXTMeshOpacityMicromap extends Extension {
 }
 
 // Triangles of strips and fans, in their order: micromaps are for lists.
-function toLists(document) {
+function toLists(document, options) {
   if (document.hasExtension('KHR_mesh_primitive_restart')) return;
   for (const mesh of document.getRoot().listMeshes())
     for (const primitive of mesh.listPrimitives()) {
       const mode = primitive.getMode();
-      if ((mode !== STRIP && mode !== FAN) || !primitive.getMaterial() || primitive.getMaterial().getAlphaMode() === 'OPAQUE') continue;
+      if ((mode !== STRIP && mode !== FAN) || !isTested({ alphaMode: primitive.getMaterial()?.getAlphaMode() }, options)) continue;
       const position = primitive.getAttribute('POSITION');
       const corners = primitive.getIndices()?.getArray() ?? sequence(position?.getCount() ?? 0);
       const list = new Uint32Array(3 * Math.max(corners.length - 2, 0));
@@ -787,13 +864,16 @@ function toLists(document) {
     }
 }
 
-let shared;
+let loaded;
 
 export function omm({ vellum, encoder, onProgress, cancelled, signal, ...options } = {}) {
   return async function omm(document) {
     await decodeImages(document, encoder);
-    toLists(document);
-    const baker = vellum ?? (await (shared ??= load()));
+    toLists(document, options);
+    const baker = vellum ?? (await (loaded ??= load().catch((error) => {
+      loaded = undefined; // for the next attempt
+      throw error;
+    })));
     await document.createExtension(EXTMeshOpacityMicromap)[eagerly](baker, options, { onProgress, cancelled, signal });
   };
 }
