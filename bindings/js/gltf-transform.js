@@ -477,21 +477,23 @@ function readMicromap(element, json, bufferViews, once) {
   return { data: once(`data ${element.data}`, () => data.slice()), triangles };
 }
 
-// Elements of "micromapIndices": zeros without a buffer view, and with those of "sparse" in place of some.
-function scalarsOf({ componentType, count, sparse, ...accessor }, json, bufferViews) {
-  const read = ({ bufferView, byteOffset = 0 }, type, length) => {
-    const bytes = bufferViews[bufferView] ?? fail('"micromapIndices" has no valid buffer view');
-    return unpacked(bytes, byteOffset, json.bufferViews[bufferView].byteStride, type, 1, length);
-  };
+// Elements of an accessor: zeros without a buffer view, and with those of "sparse" in place of some.
+function elementsOf({ componentType, type, count, sparse, ...accessor }, json, bufferViews) {
+  const size = ELEMENTS[type] ?? fail(`type ${type} is not of one vector`);
   const Type = COMPONENTS[componentType] ?? fail(`component type ${componentType} does not exist`);
-  const elements = accessor.bufferView === undefined ? new Type(count) : read(accessor, componentType, count);
+  const read = ({ bufferView, byteOffset = 0 }, component, width, length) => {
+    const bytes = bufferViews[bufferView] ?? fail(`buffer view ${bufferView} is invalid`);
+    return unpacked(bytes, byteOffset, json.bufferViews[bufferView].byteStride, component, width, length);
+  };
+  if (!isIndex(count, 2 ** 32)) fail(`a count is ${count}`);
+  const elements = accessor.bufferView === undefined ? new Type(count * size) : read(accessor, componentType, size, count);
   if (sparse === undefined) return elements;
   const { count: replaced, indices, values } = sparse ?? {};
-  if (!isIndex(replaced, count + 1) || !indices || !values) fail('"micromapIndices": "sparse" is invalid');
-  const changed = read(values, componentType, replaced);
-  read(indices, indices.componentType, replaced).forEach((index, i) => {
-    if (!isIndex(index, count)) fail(`"micromapIndices": "sparse" has element ${index} of ${count}`);
-    elements[index] = changed[i];
+  if (!isIndex(replaced, count + 1) || !indices || !values) fail('"sparse" is invalid');
+  const changed = read(values, componentType, size, replaced);
+  read(indices, indices.componentType, 1, replaced).forEach((index, i) => {
+    if (!isIndex(index, count)) fail(`"sparse" has element ${index} of ${count}`);
+    elements.set(changed.subarray(i * size, (i + 1) * size), index * size);
   });
   return elements;
 }
@@ -508,7 +510,7 @@ function readIndices(def, json, bufferViews, triangles, records) {
     const { componentType, type, count } = accessor;
     if (type !== 'SCALAR' || componentType === 5126) fail('"micromapIndices": it is not a scalar of integers');
     if (count !== triangles) fail(`"micromapIndices" has ${count} elements for ${triangles} triangles`);
-    indices = scalarsOf(accessor, json, bufferViews);
+    indices = elementsOf(accessor, json, bufferViews);
   }
   // Special indices are -1 to -4, also in unsigned types.
   const special = indices.BYTES_PER_ELEMENT === 4 ? 2 ** 32 : 2 ** (8 * indices.BYTES_PER_ELEMENT);
@@ -665,9 +667,11 @@ export class EXTMeshOpacityMicromap extends Extension {
         return new OpacityMicromap(graph).set('data', data).set('triangles', triangles);
       }));
     const accessorOf = (index) => {
-      const array = accessors[index]?.getArray();
-      const { type, normalized } = json.accessors[index] ?? {};
-      if (!array) fail(`accessor ${index} has no data`);
+      // gltf-transform makes these arrays last.
+      const def = json.accessors[index] ?? fail(`accessor ${index} does not exist`);
+      const { type, normalized } = def;
+      const ready = !def.sparse && accessors[index]?.getArray();
+      const array = ready || once(`accessor ${index}`, () => elementsOf(def, json, bufferViews));
       return { array, type, normalized, count: Math.floor(array.length / ELEMENTS[type]) };
     };
     listOf(json.meshes).forEach((meshDef, m) => listOf(meshDef.primitives).forEach((def, p) => {
