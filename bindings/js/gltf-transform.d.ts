@@ -48,8 +48,9 @@ export declare class PrimitiveMicromap extends ExtensionProperty {
 
 /**
  * Reads and writes micromaps. While a file is written, after compression, each micromap is compared with the triangles, the
- * texture and the material that it was made for. Where they differ it is baked again by the dependency "vellum", or dropped
- * with a warning of the document's logger. Dependencies, of `registerDependencies` of an I/O class:
+ * texture and the material that it was made for. Where they differ it is baked again by the dependency "vellum", with what is
+ * left of its budget, or dropped with a warning of the document's logger. Where alpha can change, by morph targets, animations
+ * or variants, it is dropped. Dependencies, of `registerDependencies` of an I/O class:
  *
  * - "vellum": a Vellum, of load(). omm() brings its own.
  * - "draco3d.decoder", "meshopt.decoder": to see what compression wrote.
@@ -70,8 +71,8 @@ export interface OmmOptions extends DocumentBakeOptions, Callbacks {
 
 /**
  * Bakes all alpha-tested primitives of a document as it is, and replaces the micromaps that it has: the last transform.
- * Strips and fans become lists. Primitives that are not baked, and why, go to the document's logger. Throws a VellumError
- * where an option is wrong or an image is damaged.
+ * Strips and fans that it bakes become lists. Under a budget, all triangles count alike. Primitives that are not baked, and
+ * why, go to the document's logger. Throws a VellumError where an option is wrong or an image is damaged.
  */
 export declare function omm(options?: OmmOptions): Transform;
 

@@ -54,7 +54,7 @@ const imageCopies = new WeakMap();
 // The same array for the same bytes.
 function copyOf(image) {
   if (!image) return undefined;
-  if (!equalBytes(imageCopies.get(image), image)) imageCopies.set(image, image.slice());
+  if (!equalBytes(imageCopies.get(image), image)) imageCopies.set(image, new Uint8Array(image)); // slice() of a Buffer is no copy
   return imageCopies.get(image);
 }
 
@@ -474,7 +474,7 @@ function readMicromap(element, json, bufferViews, once) {
     return records;
   });
   once(`${element.data} ${element.triangles}`, () => checkRecords(data, triangles));
-  return { data: once(`data ${element.data}`, () => data.slice()), triangles };
+  return { data: once(`data ${element.data}`, () => new Uint8Array(data)), triangles };
 }
 
 // Elements of an accessor: zeros without a buffer view, and with those of "sparse" in place of some.

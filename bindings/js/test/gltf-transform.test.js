@@ -295,7 +295,11 @@ async function tests() {
 
   test('images that an application writes to', async () => {
     const first = await io.writeBinary(await baked('mixture 1'));
-    for (const document of [await ioOf().readBinary(first), functions.cloneDocument(await baked('mixture 1'))]) {
+    const buffers = await io.readBinary(models['mixture 1']);
+    for (const texture of buffers.getRoot().listTextures()) texture.setImage(Buffer.from(texture.getImage()));
+    await buffers.transform(omm({ vellum, ...kOptions }));
+    // A clone has no baker.
+    for (const document of [await ioOf().readBinary(first), functions.cloneDocument(await baked('mixture 1')), functions.cloneDocument(buffers)]) {
       const before = bindingsOf(document).length;
       document.getRoot().listTextures()[0].getImage().fill(0, 50);
       const { primitives, lines } = await writtenBy({}, document);
@@ -598,6 +602,14 @@ async function tests() {
       ...huge.map((value) => (json) => (indicesOf(json).count = value)),
       ...huge.map((value) => (json) => (indicesOf(json).type = value)),
       ...huge.map((value) => (json) => (indicesOf(json).sparse = value ?? 'x')),
+      ...['count', 'indices', 'values'].flatMap((member) => huge.map((value) => (json) => {
+        const part = { bufferView: micromaps(json)[0].triangles, componentType: 5121 };
+        indicesOf(json).sparse = { count: 1, indices: part, values: part, [member]: value };
+      })),
+      ...huge.map((value) => (json) => {
+        delete indicesOf(json).bufferView;
+        indicesOf(json).count = value;
+      }),
       ...huge.map((value) => (json) => (micromaps(json)[0] = value)),
       ...huge.map((value) => (json) => (json.extensions[NAME].micromaps = value)),
       ...huge.map((value) => (json) => (json.extensions[NAME] = value)),
