@@ -28,23 +28,24 @@ EXTENSIONS = re.compile(r"__int128|__builtin_(?!offsetof|va_|inf|nan|huge_val|ia
 
 def bake():
     """Prints a digest of micromaps of random textures, in both kinds of arithmetic: where filters decide, and exact ones."""
-    sys.path.insert(0, str(options.source / "examples/python"))
+    sys.path.insert(0, str(options.source / "bindings/python"))
     import vellum
     digest, random_numbers, known = hashlib.sha256(), random.Random(1), [0, 0, 0, 0]
     for case in range(400):
         size = 1 << random_numbers.randrange(1, 5)
         texels = bytes(random_numbers.choice((0, 64, 127, 128, 255)) for _ in range(size * size))
-        texture = vellum.Texture(texels, width=size, height=size, filter=case % 2, addressModeU=case % 5, addressModeV=case % 3)
+        texture = vellum.Texture(texels, width=size, height=size, filter=case % 2, address_mode_u=case % 5,
+                                 address_mode_v=case % 3)
         # On texels and between them; far from the origin, where exact arithmetic needs more digits than 128 bits.
         scale, place = random_numbers.choice(((1, 0), (0.25, 0), (1 / 3, 0.1), (4, 1000), (1e-12, 1 / 7), (300, 1e-30)))
         step = random_numbers.choice((1, size, 2 * size, 8 * size))
         uvs = array("f", (place + scale * random_numbers.randrange(-step, 2 * step + 1) / step for _ in range(6 * 8)))
         tolerances = {} if case % 4 == 0 else dict.fromkeys(
-            ("valueTolerance", "subtexelTolerance", "barycentricTolerance", "interpolationTolerance"), 0.0)
+            ("value_tolerance", "subtexel_tolerance", "barycentric_tolerance", "interpolation_tolerance"), 0.0)
         mesh = vellum.BakeInput([texture], uvs=uvs, cutoff=random_numbers.choice((0.5, 128 / 255, 0.1)))
         result = vellum.bake([mesh], level=case % 6, format=1 + case // 2 % 2, **tolerances)
-        known = [a + b for a, b in zip(known, result.stateCounts)]
-        digest.update(result.data + array("i", result.indices).tobytes() + json.dumps(result.stateCounts).encode())
+        known = [a + b for a, b in zip(known, result.state_counts)]
+        digest.update(result.data + result.indices.tobytes() + json.dumps(result.state_counts).encode())
     assert all(known), known  # each state is there
     print(digest.hexdigest(), known)
 
@@ -58,7 +59,7 @@ def run(*command, **variables):
 
 
 def baked(library):
-    return run(sys.executable, __file__, "--source", options.source, "--bake", VELLUM_LIBRARY=str(library),
+    return run(sys.executable, __file__, "--source", options.source, "--bake", VELLUM_LIBRARY_PATH=str(library.resolve().parent),
                PYTHONDONTWRITEBYTECODE="1")
 
 
