@@ -165,7 +165,7 @@ std::shared_ptr<const AlphaTexture> AlphaTextures::of(const Material &material)
         std::rethrow_exception(failure_);
     static const Image kNone;
     texture_ = std::make_shared<AlphaTexture>(alphaTexture(material, material.image >= 0 ? *image_ : kNone, image_));
-    images_.account(uint64_t{texture_->width} * texture_->height);
+    images_.account(texture_->texelCount());
     key_ = key;
     return texture_;
 }

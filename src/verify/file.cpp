@@ -202,7 +202,7 @@ std::optional<GltfError> FileVerifier::readTexels(const Material &material)
     try {
         if (material.masked()) {
             texture_ = textures_.of(material);
-            textures_.images().account(uint64_t{texture_->width} * texture_->height);
+            textures_.images().account(texture_->texelCount());
         } else {
             AlphaTexture opaque;
             opaque.width = opaque.height = 1;

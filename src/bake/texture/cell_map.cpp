@@ -157,7 +157,7 @@ CellMap::RowBits CellMap::readRow(size_t firstColumn, int64_t row) const
             from += static_cast<size_t>(columns[0]) * stride;
             if (stride == 1)
                 codes = from;
-            else if (stride == 4)
+            else if (stride == 4) // RGBA: the compiler reads it in vectors
                 for (size_t k = 0; k < kRow; ++k)
                     gathered[k] = from[k * 4];
             else

@@ -45,7 +45,7 @@ void AlphaTexture::negate()
 
 bool AlphaTexture::isComplete() const
 {
-    return width > 0 && height > 0 && (codes.first != nullptr || alpha.size() == size_t{width} * height);
+    return texelCount() > 0 && (codes.first != nullptr || alpha.size() == texelCount());
 }
 
 int64_t wrapTexel(int64_t i, int64_t size, Wrap wrap)

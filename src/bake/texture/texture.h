@@ -52,6 +52,7 @@ struct AlphaTexture {
 
     // Negates all values, and the border.
     void negate();
+    [[nodiscard]] uint64_t texelCount() const { return uint64_t{width} * height; }
     // Whether there is a value for each texel, and at least one.
     [[nodiscard]] bool isComplete() const;
 

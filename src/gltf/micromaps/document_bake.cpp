@@ -307,8 +307,7 @@ void DocumentBaker::readTexture(Source &source)
 {
     try {
         source.texture = textures_.of(source.material);
-        const uint64_t texels = uint64_t{source.texture->width} * source.texture->height;
-        textures_.images().account(source.layers.size() * texels / kMapsForImage);
+        textures_.images().account(source.layers.size() * source.texture->texelCount() / kMapsForImage);
     } catch (const GltfUnsupported &error) {
         source.unreadable = true;
         for (const uint32_t primitive : source.primitives) {
