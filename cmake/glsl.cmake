@@ -23,12 +23,13 @@ function(vellum_add_shader_header TARGET HEADER)
   set_property(GLOBAL APPEND PROPERTY VELLUM_SHADERS ${HEADER})
 endfunction()
 
-# vellum_embed_glsl(TARGET NAME symbol SOURCE file.comp [FLAGS ...] [TARGET_ENV env] [OPACITY_MICROMAP_MODE])
+# vellum_embed_glsl(TARGET NAME symbol SOURCE file.comp [FLAGS ...] [TARGET_ENV env] [OPACITY_MICROMAP_MODE | OPTIMIZED])
 # TARGET_ENV: the environment that the SPIR-V is for, as spirv-val names it: vulkan1.2 (the default), vulkan1.1spv1.4, ...
 # The symbols of all shaders of TARGET are in its property VELLUM_SHADERS.
 # OPACITY_MICROMAP_MODE: its ray queries may consume micromaps (opacity_micromap_mode.cmake).
+# OPTIMIZED: by spirv-opt -O, as engines ship their modules.
 function(vellum_embed_glsl TARGET)
-  cmake_parse_arguments(ARG "OPACITY_MICROMAP_MODE" "NAME;SOURCE;TARGET_ENV" "FLAGS" ${ARGN})
+  cmake_parse_arguments(ARG "OPACITY_MICROMAP_MODE;OPTIMIZED" "NAME;SOURCE;TARGET_ENV" "FLAGS" ${ARGN})
   cmake_path(ABSOLUTE_PATH ARG_SOURCE BASE_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR})
   if(NOT ARG_TARGET_ENV)
     set(ARG_TARGET_ENV vulkan1.2)
@@ -38,7 +39,9 @@ function(vellum_embed_glsl TARGET)
   set(compile ${GLSLANG} --quiet --target-env ${glslang_env} -I${PROJECT_SOURCE_DIR}/src/core
       -I${PROJECT_SOURCE_DIR}/src/shaders -I${PROJECT_SOURCE_DIR}/src/gpu/shaders ${ARG_FLAGS} ${ARG_SOURCE})
   set(out ${CMAKE_CURRENT_BINARY_DIR}/shaders/${ARG_NAME}.h)
-  if(ARG_OPACITY_MICROMAP_MODE)
+  set(embedded TRUE)
+  if(ARG_OPACITY_MICROMAP_MODE OR ARG_OPTIMIZED)
+    set(embedded FALSE)
     set(out ${CMAKE_CURRENT_BINARY_DIR}/modules/${ARG_NAME}.plain.spv)
   else()
     list(APPEND compile --vn ${ARG_NAME})
@@ -52,18 +55,21 @@ function(vellum_embed_glsl TARGET)
     DEPFILE ${out}.d
     COMMENT "GLSL ${ARG_NAME}"
     VERBATIM)
-  if(ARG_OPACITY_MICROMAP_MODE)
-    set(module ${CMAKE_CURRENT_BINARY_DIR}/modules/${ARG_NAME}.spv)
-    set(script ${PROJECT_SOURCE_DIR}/cmake/opacity_micromap_mode.cmake)
-    add_custom_command(
-      OUTPUT ${module}
-      COMMAND ${CMAKE_COMMAND} -DIN=${out} -DOUT=${module} -P ${script}
-      DEPENDS ${out} ${script}
-      VERBATIM)
-    vellum_embed_module(${TARGET} ${ARG_NAME} ${module})
-  else()
+  if(embedded)
     vellum_add_shader_header(${TARGET} ${out})
+    return()
   endif()
+  set(module ${CMAKE_CURRENT_BINARY_DIR}/modules/${ARG_NAME}.spv)
+  if(ARG_OPTIMIZED)
+    find_program(SPIRV_OPT spirv-opt REQUIRED)
+    set(second ${SPIRV_OPT} --target-env=${ARG_TARGET_ENV} -O ${out} -o ${module})
+    set(tool)
+  else()
+    set(tool ${PROJECT_SOURCE_DIR}/cmake/opacity_micromap_mode.cmake)
+    set(second ${CMAKE_COMMAND} -DIN=${out} -DOUT=${module} -P ${tool})
+  endif()
+  add_custom_command(OUTPUT ${module} COMMAND ${second} DEPENDS ${out} ${tool} VERBATIM)
+  vellum_embed_module(${TARGET} ${ARG_NAME} ${module})
 endfunction()
 
 # vellum_embed_module(TARGET symbol file.spv): a module that is not made by glslang alone.

@@ -2,6 +2,7 @@
 #include "gpu/execution_mode.h"
 
 #include <cstring>
+#include <map>
 #include <stdexcept>
 
 namespace vellum::gpu
@@ -12,9 +13,9 @@ namespace
 
 constexpr size_t kHeader = 5; // words before the first instruction
 constexpr uint32_t kSource = 3, kExtension = 10, kEntryPoint = 15, kExecutionMode = 16, kCapability = 17,
-                   kTypeVoid = 19, kTypeBool = 20, kTrue = 41, kFalse = 42, kConstant = 43, kSpecFalse = 49,
-                   kSpecConstant = 50, kFunction = 54, kDecorate = 71, kLabel = 248, kReturn = 253, kFunctionEnd = 56,
-                   kExecutionModeId = 331;
+                   kTypeVoid = 19, kTypeBool = 20, kTypeInt = 21, kTrue = 41, kFalse = 42, kConstant = 43,
+                   kSpecFalse = 49, kSpecConstant = 50, kFunction = 54, kFunctionEnd = 56, kFunctionCall = 57,
+                   kDecorate = 71, kBitcast = 124, kLabel = 248, kReturn = 253, kExecutionModeId = 331;
 constexpr uint32_t kSpecId = 1; // a decoration
 
 // OpExtension
@@ -69,14 +70,14 @@ std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint3
     return out;
 }
 
-std::vector<uint32_t> withOtherEntry(std::span<const uint32_t> words, Mode mode)
+std::vector<uint32_t> withOtherEntry(std::span<const uint32_t> words, Mode mode, bool shared)
 {
     std::vector<uint32_t> out(words.begin(), words.begin() + kHeader);
     // The other function takes over the id of the first, and so has the lower one.
-    const uint32_t first = out[3], label = first + 1, constant = first + 2;
+    const uint32_t first = out[3], constant = first + 1, body = shared ? first + 2 : first;
     out[3] += 3;
     uint32_t other = 0;
-    std::vector<uint32_t> function, modes;
+    std::vector<uint32_t> wrappers, modes;
     const auto put = [](std::vector<uint32_t> &to, uint32_t opcode, std::initializer_list<uint32_t> operands) {
         to.push_back(static_cast<uint32_t>(operands.size() + 1) << 16 | opcode);
         to.insert(to.end(), operands);
@@ -87,7 +88,12 @@ std::vector<uint32_t> withOtherEntry(std::span<const uint32_t> words, Mode mode)
                                  words.begin() + static_cast<ptrdiff_t>(at + (words[at] >> 16)));
         if (opcode == kEntryPoint) {
             other = in[2];
-            put(out, kEntryPoint, {in[1], other, 'o' | 't' << 8 | 'h' << 16 | 'e' << 24, 'r'});
+            std::vector<uint32_t> entry{0, in[1], other, 'o' | 't' << 8 | 'h' << 16 | 'e' << 24, 'r'};
+            // The variables that both use follow the name "main".
+            if (shared)
+                entry.insert(entry.end(), in.begin() + 5, in.end());
+            entry[0] = static_cast<uint32_t>(entry.size()) << 16 | kEntryPoint;
+            out.insert(out.end(), entry.begin(), entry.end());
             in[2] = first;
         } else if (opcode == kExecutionMode || opcode == kExecutionModeId) {
             if (opcode == kExecutionMode)
@@ -98,17 +104,24 @@ std::vector<uint32_t> withOtherEntry(std::span<const uint32_t> words, Mode mode)
                 put(modes, kExecutionModeId, {other, 6031, constant});
             out.insert(out.end(), modes.begin(), modes.end());
         } else if (opcode == kFunction && in[2] == other) {
-            put(function, kFunction, {in[1], other, 0, in[4]});
-            put(function, kLabel, {label});
-            put(function, kReturn, {});
-            put(function, kFunctionEnd, {});
-            in[2] = first;
+            const auto putFunction = [&](uint32_t function) {
+                put(wrappers, kFunction, {in[1], function, 0, in[4]});
+                put(wrappers, kLabel, {out[3]++});
+                if (shared)
+                    put(wrappers, kFunctionCall, {in[1], out[3]++, body});
+                put(wrappers, kReturn, {});
+                put(wrappers, kFunctionEnd, {});
+            };
+            putFunction(other);
+            if (shared)
+                putFunction(first);
+            in[2] = body;
         }
         out.insert(out.end(), in.begin(), in.end());
         if (opcode == kTypeBool && mode != Mode::Absent)
             put(out, mode == Mode::True ? kTrue : kFalse, {in[1], constant});
     }
-    out.insert(out.end(), function.begin(), function.end());
+    out.insert(out.end(), wrappers.begin(), wrappers.end());
     return out;
 }
 
@@ -155,6 +168,50 @@ std::vector<uint32_t> withLiteral(std::span<const uint32_t> words, uint32_t spec
     }
     if (constant == 0)
         throw std::runtime_error("a module without the specialization constant");
+    return out;
+}
+
+std::vector<uint32_t> withSignedFlags(std::span<const uint32_t> words)
+{
+    constexpr uint32_t kTraceRay = 4445, kInitialize = 4473;
+    // The word of the ray flags in such an instruction; 0: it has none.
+    const auto flagsOf = [](uint32_t opcode) { return opcode == kTraceRay ? 2u : opcode == kInitialize ? 3u : 0u; };
+    uint32_t type = 0;
+    std::map<uint32_t, uint32_t> values;         // of ordinary constants of 32 bits
+    std::map<uint32_t, uint32_t> signedConstant; // the constants that are flags
+    for (size_t at = kHeader; at < words.size(); at += words[at] >> 16) {
+        const std::span<const uint32_t> in = words.subspan(at, words[at] >> 16);
+        const uint32_t opcode = in[0] & 0xffff;
+        if (opcode == kTypeInt && in[2] == 32 && in[3] == 1)
+            type = in[1];
+        else if (opcode == kConstant && in.size() == 4)
+            values[in[2]] = in[3];
+        else if (flagsOf(opcode) != 0 && values.contains(in[flagsOf(opcode)]))
+            signedConstant[in[flagsOf(opcode)]] = 0;
+    }
+    if (type == 0)
+        throw std::runtime_error("a module without the type of signed integers");
+    std::vector<uint32_t> out(words.begin(), words.begin() + kHeader);
+    bool declared = false;
+    for (size_t at = kHeader; at < words.size(); at += words[at] >> 16) {
+        std::vector<uint32_t> in(words.begin() + static_cast<ptrdiff_t>(at),
+                                 words.begin() + static_cast<ptrdiff_t>(at + (words[at] >> 16)));
+        const uint32_t opcode = in[0] & 0xffff;
+        if (opcode == kFunction && !declared) {
+            for (auto &[from, to] : signedConstant) {
+                to = out[3]++;
+                out.insert(out.end(), {4u << 16 | kConstant, type, to, values.at(from)});
+            }
+            declared = true;
+        }
+        if (const uint32_t place = flagsOf(opcode); place != 0) {
+            const auto constant = signedConstant.find(in[place]);
+            if (constant == signedConstant.end())
+                out.insert(out.end(), {4u << 16 | kBitcast, type, out[3], in[place]});
+            in[place] = constant == signedConstant.end() ? out[3]++ : constant->second;
+        }
+        out.insert(out.end(), in.begin(), in.end());
+    }
     return out;
 }
 

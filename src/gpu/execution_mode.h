@@ -16,9 +16,9 @@ enum class Mode { Absent, False, True, Specialized };
 // point, a bool type and debug names.
 std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint32_t specId = 0);
 
-// Adds an entry point "other" of the same stage before the first, which does nothing, and declares that mode. The
-// module must be as above.
-std::vector<uint32_t> withOtherEntry(std::span<const uint32_t> words, Mode mode);
+// Adds an entry point "other" of the same stage before the first, which declares that mode. shared: both call what was
+// the first's function; otherwise the other one does nothing. The module must be as above.
+std::vector<uint32_t> withOtherEntry(std::span<const uint32_t> words, Mode mode, bool shared);
 
 // Adds the mode, true, if the module has ray queries.
 std::vector<uint32_t> withModeWhereNeeded(std::span<const uint32_t> words);
@@ -29,5 +29,9 @@ std::vector<uint32_t> withMicromapFlag(std::span<const uint32_t> words);
 
 // The 32-bit specialization constant with that id is an ordinary constant of that value.
 std::vector<uint32_t> withLiteral(std::span<const uint32_t> words, uint32_t specId, uint32_t value);
+
+// Ray flags of ray queries and traced rays are signed integers, which SPIR-V allows and compilers of GLSL never write:
+// constants of such a type, or a bitcast. The module must have that type.
+std::vector<uint32_t> withSignedFlags(std::span<const uint32_t> words);
 
 } // namespace vellum::gpu

@@ -110,7 +110,7 @@ const Break kBreaks[] = {
     {"no such rule", kAlwaysPossible([](Case &c) { c.scene.rays[0].rule = 4; })},
     {"no such stage",
      kAlwaysPossible([](Case &c) { c.trace.stage = VK_SHADER_STAGE_TESSELLATION_CONTROL_BIT; })},
-    {"needs the compute stage", kAlwaysPossible([](Case &c) {
+    {"needs the compute stage and a descriptor", kAlwaysPossible([](Case &c) {
          c.trace.query = TracePlan::Query::Array;
          c.trace.byAddress = true;
      })},

@@ -495,6 +495,8 @@ void Account::writeTracePlan()
     const TracePlan standard;
     if (trace.flags != standard.flags)
         line("Ray flags are {}.", nameOf(kFlagSourceNames, trace.flags));
+    if (trace.signedFlags)
+        line("Ray flags are a signed integer in the shader.");
     if (trace.method == TracePlan::Method::Query) {
         switch (trace.query) {
         case TracePlan::Query::Plain: break;
@@ -505,11 +507,16 @@ void Account::writeTracePlan()
         case TracePlan::Query::Sites:
             line("The ray query is initialized in two places, of which rays take one.");
             break;
+        case TracePlan::Query::Condition: line("The condition of the loop also counts."); break;
+        case TracePlan::Query::Carried: line("The loop exchanges values, and goes on in two places."); break;
         }
         if (trace.shaderObjects)
             line("The shader is a shader object.");
-        if (trace.otherEntry)
-            line("The module has another entry point, whose execution mode is the opposite.");
+        if (trace.optimized)
+            line("The module is optimized by spirv-opt.");
+        if (trace.otherEntry != TracePlan::OtherEntry::None)
+            line("The module has another entry point, whose execution mode is the opposite{}.",
+                 trace.otherEntry == TracePlan::OtherEntry::Shared ? ", and which calls the same function" : "");
         return;
     }
     if (trace.from != standard.from)

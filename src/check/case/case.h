@@ -171,25 +171,29 @@ struct TracePlan {
     // How a shader uses its ray query. Array: one of two queries in an array. Functions: functions that get it as a
     // parameter initialize it, proceed and read it. Again: it is initialized with other flags and proceeds before.
     // Sites: it is initialized and proceeds in two locations, of which rays take either. Getters: origins, directions
-    // and transforms are read as well.
-    enum class Query { Plain, Array, Functions, Again, Sites, Getters };
+    // and transforms are read as well. Condition: the condition of its loop also counts. Carried: its loop goes on in
+    // two places and exchanges values.
+    enum class Query { Plain, Array, Functions, Again, Sites, Getters, Condition, Carried };
+    // Another entry point in the module, which is not used. Shared: it calls the same functions.
+    enum class OtherEntry { None, Empty, Shared };
 
     Method method = Method::Query;
     // Query: the stage that has the ray query: any that kQueryStages lists.
     VkShaderStageFlagBits stage = VK_SHADER_STAGE_COMPUTE_BIT;
     Flags flags = Flags::RunTime;
     Mode mode = Mode::True;
-    // Query: the module has another entry point, which is not used, and with VK_KHR_opacity_micromap declares the other
-    // value of the mode.
-    bool otherEntry = false;
+    // Query: with VK_KHR_opacity_micromap it declares the other value of the mode. Shared: not in task shaders.
+    OtherEntry otherEntry = OtherEntry::None;
     bool byAddress = false;     // the acceleration structure is a device address instead of a descriptor
     bool inlineModules = false; // VkShaderModuleCreateInfo in the stages' pNext
     bool secondary = false;     // traced in a secondary command buffer; compute shaders and pipelines
     bool besideBuild = false;   // traced while another structure is built by the same submission
     // Pipeline, descriptors and push constants are bound before the builds of the same command buffer.
     bool boundFirst = false;
-    // Query; other than Plain: in the compute stage, of a descriptor, with flags that are not Specialized or Literal.
-    Query query = Query::Plain;
+    Query query = Query::Plain; // Query; other than Plain: in the compute stage, of a descriptor
+    // Query: the module went through spirv-opt: in the compute stage, of a descriptor, with flags of run time.
+    bool optimized = false;
+    bool signedFlags = false;   // ray flags are a signed integer
     bool shaderObjects = false; // Query, in a compute shader: VK_EXT_shader_object
     // Pipeline
     PipelinePlan pipeline;

@@ -249,7 +249,9 @@ void ofTrace(Archive &archive, T &trace)
     archive.value("besideBuild", trace.besideBuild, standard.besideBuild);
     archive.value("boundFirst", trace.boundFirst, standard.boundFirst);
     archive.name("query", trace.query, kQueryNames, standard.query);
-    archive.value("otherEntry", trace.otherEntry, standard.otherEntry);
+    archive.value("optimized", trace.optimized, standard.optimized);
+    archive.value("signedFlags", trace.signedFlags, standard.signedFlags);
+    archive.name("otherEntry", trace.otherEntry, kOtherEntryNames, standard.otherEntry);
     archive.value("shaderObjects", trace.shaderObjects, standard.shaderObjects);
     archive.object("pipeline", trace.pipeline, [](auto &a, auto &pipeline) { ofPipeline(a, pipeline); });
     archive.list("otherPipelines", trace.otherPipelines, [](auto &a, auto &pipeline) { ofPipeline(a, pipeline); });

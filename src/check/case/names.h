@@ -110,6 +110,13 @@ inline constexpr std::array kQueryNames{
     Name<TracePlan::Query>{TracePlan::Query::Again, "again"},
     Name<TracePlan::Query>{TracePlan::Query::Sites, "sites"},
     Name<TracePlan::Query>{TracePlan::Query::Getters, "getters"},
+    Name<TracePlan::Query>{TracePlan::Query::Condition, "condition"},
+    Name<TracePlan::Query>{TracePlan::Query::Carried, "carried"},
+};
+inline constexpr std::array kOtherEntryNames{
+    Name<TracePlan::OtherEntry>{TracePlan::OtherEntry::None, "none"},
+    Name<TracePlan::OtherEntry>{TracePlan::OtherEntry::Empty, "empty"},
+    Name<TracePlan::OtherEntry>{TracePlan::OtherEntry::Shared, "shared"},
 };
 // Stages and groups of PipelineTracerSetup, with decoys.
 inline constexpr std::array kTracerStageNames{

@@ -17,14 +17,17 @@ bool usesMicromaps(const Device &gpu)
     return gpu.options().micromaps && gpu.options().micromapFeature;
 }
 
-// A module of the plan: with what the ray flags of micromaps need, and literal constants.
-std::vector<uint32_t> completed(const Device &gpu, std::span<const uint32_t> module, std::span<const uint32_t> literals)
+// A module of the plan: with what the ray flags of micromaps need, literal constants, and signed ray flags.
+std::vector<uint32_t> completed(const Device &gpu, const TracePlan &plan, std::span<const uint32_t> module,
+                                std::span<const uint32_t> literals)
 {
     std::vector<uint32_t> words(module.begin(), module.end());
     if (usesMicromaps(gpu))
         words = withMicromapFlag(words);
     for (uint32_t i = 0; i < literals.size(); ++i)
         words = withLiteral(words, i, literals[i]);
+    if (plan.signedFlags)
+        words = withSignedFlags(words);
     return words;
 }
 
@@ -139,13 +142,13 @@ std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
 
 std::unique_ptr<Tracer> queryTracer(Device &gpu, const TracePlan &plan, uint32_t flags)
 {
-    const std::span<const uint32_t> module =
-        plan.query != TracePlan::Query::Plain
-            ? queryModule(plan.query)
-            : queryModule(plan.stage, plan.flags != TracePlan::Flags::RunTime, plan.byAddress);
+    const bool constant = plan.flags != TracePlan::Flags::RunTime;
+    const std::span<const uint32_t> module = plan.query != TracePlan::Query::Plain || plan.optimized
+                                                 ? queryModule(plan.query, constant, plan.optimized)
+                                                 : queryModule(plan.stage, constant, plan.byAddress);
     const std::array literals{flags};
     std::vector<uint32_t> words =
-        completed(gpu, module, std::span(literals).first(plan.flags == TracePlan::Flags::Literal ? 1 : 0));
+        completed(gpu, plan, module, std::span(literals).first(plan.flags == TracePlan::Flags::Literal ? 1 : 0));
     TracerSetup setup{.specializedFlags = specializedFlags(plan, flags),
                       .inlineModule = plan.inlineModules,
                       .stage = plan.stage,
@@ -155,10 +158,12 @@ std::unique_ptr<Tracer> queryTracer(Device &gpu, const TracePlan &plan, uint32_t
         if (modeOf(plan) == Mode::Specialized)
             setup.specializedMode = plan.mode == TracePlan::Mode::SpecializedTrue ? VK_TRUE : VK_FALSE;
     }
-    if (plan.otherEntry)
-        words = withOtherEntry(words, !gpu.khr() || !usesMicromaps(gpu) ? Mode::Absent
-                                      : consumesMicromaps(plan)         ? Mode::False
-                                                                        : Mode::True);
+    if (plan.otherEntry != TracePlan::OtherEntry::None)
+        words = withOtherEntry(words,
+                               !gpu.khr() || !usesMicromaps(gpu) ? Mode::Absent
+                               : consumesMicromaps(plan)         ? Mode::False
+                                                                 : Mode::True,
+                               plan.otherEntry == TracePlan::OtherEntry::Shared);
     return std::make_unique<Tracer>(gpu, words, setup);
 }
 
@@ -189,7 +194,7 @@ std::unique_ptr<PipelineTracer> pipelineTracer(Device &gpu, const TracePlan &pla
                               parameters.missIndex + (relayMisses ? 1 : 0)};
     const size_t literal = plan.flags == TracePlan::Flags::Literal ? 4 : plan.flags == TracePlan::Flags::Mixed ? 1 : 0;
     const std::vector<uint32_t> tracing =
-        completed(gpu,
+        completed(gpu, plan,
                   plan.callables ? callingModule()
                                  : tracingModule(relay ? setup.relayStage : VK_SHADER_STAGE_RAYGEN_BIT_KHR, plan.flags,
                                                  plan.byAddress),

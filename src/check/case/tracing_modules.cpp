@@ -31,11 +31,28 @@
 #include "shaders/pipeline_traces_rmiss_specialized_by_address.h"
 #include "shaders/tracer_comp.h"
 #include "shaders/tracer_comp_again.h"
+#include "shaders/tracer_comp_again_optimized.h"
+#include "shaders/tracer_comp_again_specialized.h"
 #include "shaders/tracer_comp_by_address.h"
+#include "shaders/tracer_comp_carried.h"
+#include "shaders/tracer_comp_carried_optimized.h"
+#include "shaders/tracer_comp_carried_specialized.h"
 #include "shaders/tracer_comp_getters.h"
+#include "shaders/tracer_comp_getters_optimized.h"
+#include "shaders/tracer_comp_getters_specialized.h"
 #include "shaders/tracer_comp_in_array.h"
+#include "shaders/tracer_comp_in_array_optimized.h"
+#include "shaders/tracer_comp_in_array_specialized.h"
+#include "shaders/tracer_comp_in_condition.h"
+#include "shaders/tracer_comp_in_condition_optimized.h"
+#include "shaders/tracer_comp_in_condition_specialized.h"
 #include "shaders/tracer_comp_in_functions.h"
+#include "shaders/tracer_comp_in_functions_optimized.h"
+#include "shaders/tracer_comp_in_functions_specialized.h"
+#include "shaders/tracer_comp_optimized.h"
 #include "shaders/tracer_comp_sites.h"
+#include "shaders/tracer_comp_sites_optimized.h"
+#include "shaders/tracer_comp_sites_specialized.h"
 #include "shaders/tracer_comp_specialized.h"
 #include "shaders/tracer_comp_specialized_by_address.h"
 #include "shaders/tracer_frag.h"
@@ -117,6 +134,13 @@ const std::array<Variants, 12> kQueries{{
 }};
 #undef VARIANTS
 
+// As compiled, with specialized flags, optimized.
+using Forms = std::array<std::span<const uint32_t>, 3>;
+#define FORMS(name)                                                                                                    \
+    {                                                                                                                  \
+        name, name##_specialized, name##_optimized                                                                     \
+    }
+
 // The modules for each source of flags: by a descriptor, by address.
 struct Tracing {
     VkShaderStageFlagBits stage;
@@ -158,15 +182,18 @@ std::span<const uint32_t> queryModule(VkShaderStageFlagBits stage, bool speciali
     return ofStage(kQueries, stage).words[(specialized ? 1u : 0u) + (byAddress ? 2u : 0u)];
 }
 
-std::span<const uint32_t> queryModule(TracePlan::Query query)
+std::span<const uint32_t> queryModule(TracePlan::Query query, bool specialized, bool optimized)
 {
+    const auto of = [&](const Forms &forms) { return specialized ? forms[1] : forms[optimized ? 2 : 0]; };
     switch (query) {
-    case TracePlan::Query::Array: return tracer_comp_in_array;
-    case TracePlan::Query::Functions: return tracer_comp_in_functions;
-    case TracePlan::Query::Again: return tracer_comp_again;
-    case TracePlan::Query::Sites: return tracer_comp_sites;
-    case TracePlan::Query::Getters: return tracer_comp_getters;
-    default: return tracer_comp;
+    case TracePlan::Query::Array: return of(FORMS(tracer_comp_in_array));
+    case TracePlan::Query::Functions: return of(FORMS(tracer_comp_in_functions));
+    case TracePlan::Query::Again: return of(FORMS(tracer_comp_again));
+    case TracePlan::Query::Sites: return of(FORMS(tracer_comp_sites));
+    case TracePlan::Query::Getters: return of(FORMS(tracer_comp_getters));
+    case TracePlan::Query::Condition: return of(FORMS(tracer_comp_in_condition));
+    case TracePlan::Query::Carried: return of(FORMS(tracer_comp_carried));
+    default: return of(FORMS(tracer_comp));
     }
 }
 

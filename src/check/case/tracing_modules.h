@@ -13,8 +13,8 @@ namespace vellum::check
 // specialized: ray flags by specialization constant 0 instead of each ray's own. byAddress: the acceleration structure
 // comes as a device address.
 std::span<const uint32_t> queryModule(VkShaderStageFlagBits stage, bool specialized, bool byAddress);
-// For all shapes except TracePlan::Query::Plain.
-std::span<const uint32_t> queryModule(TracePlan::Query query);
+// A compute shader with the query in that form. optimized: by spirv-opt, without specialized flags.
+std::span<const uint32_t> queryModule(TracePlan::Query query, bool specialized, bool optimized);
 // A ray generation shader with flags of run time, which executes callable shaders as well.
 std::span<const uint32_t> callingModule();
 // VK_SHADER_STAGE_RAYGEN_BIT_KHR, ..._CLOSEST_HIT_... or ..._MISS_.... Specialized and literal flags: by specialization

@@ -577,9 +577,13 @@ void checkTrace(const Case &c)
          "trace.callables", "need a ray generation shader with flags of run time and a descriptor, and no parts");
     const bool constant = trace.flags == TracePlan::Flags::Specialized || trace.flags == TracePlan::Flags::Literal;
     rule(traced || constant || trace.flags == TracePlan::Flags::RunTime, "trace.flags", "are those of pipelines");
-    rule(trace.query == TracePlan::Query::Plain ||
-             (trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && !constant && !trace.byAddress),
-         "trace.query", "needs the compute stage, ray flags of run time and a descriptor");
+    const bool compute = trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && !trace.byAddress;
+    rule(trace.query == TracePlan::Query::Plain || compute, "trace.query", "needs the compute stage and a descriptor");
+    rule(!trace.optimized || (!traced && compute && !constant), "trace.optimized",
+         "needs a ray query in the compute stage, ray flags of run time and a descriptor");
+    rule(isNamed(kOtherEntryNames, trace.otherEntry), "trace.otherEntry", "no such entry point");
+    rule(trace.otherEntry != TracePlan::OtherEntry::Shared || trace.stage != VK_SHADER_STAGE_TASK_BIT_EXT,
+         "trace.otherEntry", "shares a function that ends a task shader");
     rule(!trace.shaderObjects || (trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && !trace.inlineModules),
          "trace.shaderObjects", "needs the compute stage, and is without modules");
     rule(trace.otherPipelines.size() <= 8 && (!trace.firstDestroyed || !trace.otherPipelines.empty()),

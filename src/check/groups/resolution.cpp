@@ -216,6 +216,14 @@ Case lossy(Random &random, const DeviceLimits &limits)
     return c;
 }
 
+TracePlan::OtherEntry otherEntry(Random &random, VkShaderStageFlagBits stage, uint32_t percent)
+{
+    if (!chance(random, percent))
+        return TracePlan::OtherEntry::None;
+    return stage != VK_SHADER_STAGE_TASK_BIT_EXT && chance(random, 50) ? TracePlan::OtherEntry::Shared
+                                                                       : TracePlan::OtherEntry::Empty;
+}
+
 // Ray queries in every stage, with ray flags and execution mode from everywhere.
 Case stages(Random &random, const DeviceLimits &limits)
 {
@@ -229,7 +237,8 @@ Case stages(Random &random, const DeviceLimits &limits)
         limits.api == Api::Khr && chance(random, 50) ? TracePlan::Mode::SpecializedTrue : TracePlan::Mode::True;
     if (chance(random, 40))
         fixFlags(random, c);
-    c.trace.otherEntry = chance(random, 25);
+    c.trace.otherEntry = otherEntry(random, c.trace.stage, 25);
+    c.trace.signedFlags = chance(random, 15);
     return c;
 }
 
@@ -237,9 +246,14 @@ Case stages(Random &random, const DeviceLimits &limits)
 Case queryObjects(Random &random, const DeviceLimits &limits)
 {
     Case c = queries(random, limits);
-    constexpr std::array forms{TracePlan::Query::Plain, TracePlan::Query::Array, TracePlan::Query::Functions,
-                               TracePlan::Query::Again, TracePlan::Query::Sites, TracePlan::Query::Getters};
+    constexpr std::array forms{TracePlan::Query::Plain,     TracePlan::Query::Array,  TracePlan::Query::Functions,
+                               TracePlan::Query::Again,     TracePlan::Query::Sites,  TracePlan::Query::Getters,
+                               TracePlan::Query::Condition, TracePlan::Query::Carried};
     c.trace.query = forms[below(random, forms.size())];
+    c.trace.optimized = chance(random, 40);
+    c.trace.signedFlags = chance(random, 15);
+    if (!c.trace.optimized && chance(random, 30))
+        fixFlags(random, c);
     c.trace.shaderObjects = c.trace.query == TracePlan::Query::Plain || chance(random, 20);
     terminateSome(random, c.scene);
     setRecords(random, c);
@@ -259,7 +273,7 @@ Case executionMode(Random &random, const DeviceLimits &limits)
     Case c{.scene = makeScene(random, scene, limits), .trace = {.mode = mode}};
     if (chance(random, 40))
         fixFlags(random, c);
-    c.trace.otherEntry = chance(random, 40);
+    c.trace.otherEntry = otherEntry(random, c.trace.stage, 40);
     return c;
 }
 
@@ -301,17 +315,18 @@ constexpr std::array kResolutionGroups{
     Group{
         "stages", "ray queries in every stage, with ray flags of run time, specialized and literal ones",
         "OpRayQueryInitializeKHR in each stage; OpExecutionModeId OpacityMicromapIdKHR with a specialization constant",
-        200, runGroup<stages>, 20},
-    Group{
-        "query-objects",
-        "ray queries in arrays, as parameters of functions, initialized again or in two places, terminated; in shader "
-        "objects",
-        "OpTypeRayQueryKHR; OpRayQueryInitializeKHR: each ray query has flags and candidates of its own; "
-        "OpRayQueryTerminateKHR; VK_EXT_shader_object",
-        100, runGroup<queryObjects>, 20},
-    Group{"execution-mode", "ray queries with and without the execution mode OpacityMicromapIdKHR",
+        200, runGroup<stages>, 30},
+    Group{"query-objects",
+          "ray queries in arrays, as parameters of functions, initialized again or in two places, terminated, in loops "
+          "that carry values; in modules that were optimized, with signed ray flags, and in shader objects",
+          "OpTypeRayQueryKHR; OpRayQueryInitializeKHR: each ray query has flags and candidates of its own; "
+          "OpRayQueryTerminateKHR; VK_EXT_shader_object",
+          150, runGroup<queryObjects>, 56},
+    Group{"execution-mode",
+          "ray queries with and without the execution mode OpacityMicromapIdKHR, also of another entry point that "
+          "calls the same function",
           "SPV_KHR_opacity_micromap: OpacityMicromapIdKHR; VUID-vkCmdDispatch-micromap-11636", 60,
-          runGroup<executionMode>, 20},
+          runGroup<executionMode>, 30},
 };
 
 } // namespace

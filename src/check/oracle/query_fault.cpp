@@ -93,6 +93,8 @@ std::string queryFault(const Scene &scene, const Ray &ray, const std::vector<Hit
 {
     if (result.flags != ray.flags)
         return "ray flags read back wrong (" + std::to_string(result.flags) + ")";
+    if ((result.frontFace & 32) != 0)
+        return "a value that the loop around rayQueryProceedEXT changes is wrong after the loop";
     if (result.tMin < ray.tMin || result.tMin > ray.tMin)
         return "tMin read back wrong";
     if (result.candidateCount > kCapacity)

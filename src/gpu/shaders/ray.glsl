@@ -23,7 +23,8 @@ struct Result {
     float u;
     float v;
     float tMin;
-    uint frontFace; // 1: front; of ray queries also 16: not consistent; record offset << 8
+    uint frontFace; // 1: front; of ray queries also 16: not consistent,
+                    // 32: what the loop counts is wrong; record offset << 8
 };
 
 // The candidates that a shader confirms.

@@ -8,7 +8,7 @@
 //   RAY_FLAGS=n   the ray flags are this constant instead of the ray's own
 //   SPEC_FLAGS    they are a specialization constant
 //   BY_ADDRESS    the acceleration structure comes as a device address
-//   IN_ARRAY, IN_FUNCTIONS, AGAIN, SITES, GETTERS   TracePlan::Query
+//   IN_ARRAY, IN_FUNCTIONS, AGAIN, SITES, GETTERS, IN_CONDITION, CARRIED   TracePlan::Query
 #ifdef BY_ADDRESS
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #endif
@@ -190,23 +190,42 @@ void traceRay(uint id)
 #endif
 #ifdef AGAIN
     // Before that, another ray, which is not traced to its end.
-    INITIALIZE(query, ray.flags ^ gl_RayFlagsTerminateOnFirstHitEXT);
+    INITIALIZE(query, FLAGS(ray) ^ gl_RayFlagsTerminateOnFirstHitEXT);
     for (uint i = 0u; i < (id & 3u) && rayQueryProceedEXT(query); ++i)
         if (rayQueryGetIntersectionTypeEXT(query, false) == gl_RayQueryCandidateIntersectionTriangleEXT)
             rayQueryConfirmIntersectionEXT(query);
 #endif
 #ifdef SITES
     if ((id & 1u) == 0u) {
-        INITIALIZE(query, ray.flags);
+        INITIALIZE(query, FLAGS(ray));
         while (rayQueryProceedEXT(query)) {
             CANDIDATE(query)
         }
     } else {
-        INITIALIZE(query, ray.flags & ~0u);
+        INITIALIZE(query, FLAGS(ray) & ~0u);
         bool more = rayQueryProceedEXT(query);
         for (; more; more = rayQueryProceedEXT(query)) {
             CANDIDATE(query)
         }
+    }
+#elif defined(IN_CONDITION)
+    INITIALIZE(query, FLAGS(ray));
+    uint proceeded = 0u;
+    while ((++proceeded, rayQueryProceedEXT(query))) {
+        CANDIDATE(query)
+    }
+#elif defined(CARRIED)
+    INITIALIZE(query, FLAGS(ray));
+    uint even = 0u, odd = 1u, kept = 0u, refused = 0u;
+    for (; rayQueryProceedEXT(query); ++kept) {
+        CANDIDATE(query)
+        const uint swapped = even;
+        even = odd;
+        odd = swapped;
+        if ((c.bits & 8u) != 0u)
+            continue;
+        ++refused;
+        --kept;
     }
 #else
     INITIALIZE(QUERY, FLAGS(ray));
@@ -215,6 +234,14 @@ void traceRay(uint id)
     }
 #endif
     COMMITTED(QUERY)
+#ifdef IN_CONDITION
+    if (proceeded != count + 1u)
+        r.frontFace |= 32u;
+#endif
+#ifdef CARRIED
+    if (even != (count & 1u) || odd != 1u - even || kept + refused != count)
+        r.frontFace |= 32u;
+#endif
 #ifdef IN_ARRAY
     if (rayQueryProceedEXT(queries[1u - own]) || rayQueryGetRayFlagsEXT(queries[1u - own]) != 0u)
         r.flags = ~0u;
