@@ -70,13 +70,13 @@ std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint3
     return out;
 }
 
-std::vector<uint32_t> withOtherEntry(std::span<const uint32_t> words, Mode mode, bool shared)
+std::vector<uint32_t> withOtherEntry(std::span<const uint32_t> words, Mode mode, OtherEntry kind)
 {
     std::vector<uint32_t> out(words.begin(), words.begin() + kHeader);
-    // The other function takes over the id of the first, and so has the lower one.
-    const uint32_t first = out[3], constant = first + 1, body = shared ? first + 2 : first;
+    const bool shared = kind != OtherEntry::Empty, after = kind == OtherEntry::SharedAfter;
+    const uint32_t added = out[3], constant = added + 1, body = shared ? added + 2 : added;
     out[3] += 3;
-    uint32_t other = 0;
+    uint32_t main = 0, other = 0; // the functions of the two entry points: one is new, one has the id of the first
     std::vector<uint32_t> wrappers, modes;
     const auto put = [](std::vector<uint32_t> &to, uint32_t opcode, std::initializer_list<uint32_t> operands) {
         to.push_back(static_cast<uint32_t>(operands.size() + 1) << 16 | opcode);
@@ -87,23 +87,28 @@ std::vector<uint32_t> withOtherEntry(std::span<const uint32_t> words, Mode mode,
         std::vector<uint32_t> in(words.begin() + static_cast<ptrdiff_t>(at),
                                  words.begin() + static_cast<ptrdiff_t>(at + (words[at] >> 16)));
         if (opcode == kEntryPoint) {
-            other = in[2];
+            main = after ? in[2] : added;
+            other = after ? added : in[2];
             std::vector<uint32_t> entry{0, in[1], other, 'o' | 't' << 8 | 'h' << 16 | 'e' << 24, 'r'};
             // The variables that both use follow the name "main".
             if (shared)
                 entry.insert(entry.end(), in.begin() + 5, in.end());
             entry[0] = static_cast<uint32_t>(entry.size()) << 16 | kEntryPoint;
+            in[2] = main;
+            if (after)
+                entry.swap(in);
             out.insert(out.end(), entry.begin(), entry.end());
-            in[2] = first;
         } else if (opcode == kExecutionMode || opcode == kExecutionModeId) {
-            if (opcode == kExecutionMode)
-                modes.insert(modes.end(), in.begin(), in.end());
-            in[1] = first;
+            if (opcode == kExecutionMode) {
+                modes.insert(modes.end(), {in[0], other});
+                modes.insert(modes.end(), in.begin() + 2, in.end());
+            }
+            in[1] = main;
         } else if (opcode == kSource) {
             if (mode != Mode::Absent)
                 put(modes, kExecutionModeId, {other, 6031, constant});
             out.insert(out.end(), modes.begin(), modes.end());
-        } else if (opcode == kFunction && in[2] == other) {
+        } else if (opcode == kFunction && (in[2] == main || in[2] == other)) {
             const auto putFunction = [&](uint32_t function) {
                 put(wrappers, kFunction, {in[1], function, 0, in[4]});
                 put(wrappers, kLabel, {out[3]++});
@@ -114,7 +119,7 @@ std::vector<uint32_t> withOtherEntry(std::span<const uint32_t> words, Mode mode,
             };
             putFunction(other);
             if (shared)
-                putFunction(first);
+                putFunction(main);
             in[2] = body;
         }
         out.insert(out.end(), in.begin(), in.end());

@@ -16,9 +16,12 @@ enum class Mode { Absent, False, True, Specialized };
 // point, a bool type and debug names.
 std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint32_t specId = 0);
 
-// Adds an entry point "other" of the same stage before the first, which declares that mode. shared: both call what was
-// the first's function; otherwise the other one does nothing. The module must be as above.
-std::vector<uint32_t> withOtherEntry(std::span<const uint32_t> words, Mode mode, bool shared);
+// Another entry point of a module, which is not used. Empty: it does nothing. Shared: both entry points call the same
+// functions. Empty, SharedBefore: it comes first and has the lower id; SharedAfter: it comes second, with the higher.
+enum class OtherEntry { None, Empty, SharedBefore, SharedAfter };
+
+// Adds the entry point "other" of the same stage, which declares that mode. The module must be as above.
+std::vector<uint32_t> withOtherEntry(std::span<const uint32_t> words, Mode mode, OtherEntry kind);
 
 // Adds the mode, true, if the module has ray queries.
 std::vector<uint32_t> withModeWhereNeeded(std::span<const uint32_t> words);

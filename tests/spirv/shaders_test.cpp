@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "gpu/execution_mode.h"
 #include "module_file.h"
 #include "spirv/module/micromap_mode.h"
 #include "validate.h"
@@ -59,6 +60,34 @@ TEST(Shaders, TakeTheModeOfMicromaps)
         ++edited;
     }
     EXPECT_GT(edited, 100u) << "of those listed in " << VELLUM_SHADERS;
+}
+
+// `vellum check` traces with these modules in forms that compilers of GLSL do not write.
+TEST(Shaders, OfTheTracerAreValidInEveryForm)
+{
+    size_t edited = 0;
+    for (const std::filesystem::path &file : listedModules(VELLUM_SHADERS)) {
+        const std::string name = file.stem().string();
+        if (!name.starts_with("tracer_") && !name.starts_with("pipeline_traces_"))
+            continue;
+        const Module words = readModule(file);
+        const Module withSigned = gpu::withSignedFlags(words);
+        EXPECT_NE(withSigned, words) << file;
+        EXPECT_EQ(validate(withSigned), "") << file;
+        if (name.find("_specialized") != std::string::npos) {
+            const Module literal = gpu::withLiteral(words, 0, 3), both = gpu::withSignedFlags(literal);
+            EXPECT_EQ(validate(both), "") << file;
+            if (name == "tracer_comp_specialized") {
+                EXPECT_EQ(both.size(), literal.size() + 4) << "a constant of its own, and no bitcast";
+            }
+        }
+        using gpu::OtherEntry;
+        for (const OtherEntry other : {OtherEntry::Empty, OtherEntry::SharedBefore, OtherEntry::SharedAfter})
+            EXPECT_EQ(validate(gpu::withOtherEntry(words, gpu::Mode::Absent, other)), "")
+                << file << ", other entry point " << static_cast<int>(other);
+        ++edited;
+    }
+    EXPECT_GT(edited, 70u) << "of those listed in " << VELLUM_SHADERS;
 }
 
 } // namespace

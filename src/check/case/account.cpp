@@ -514,9 +514,9 @@ void Account::writeTracePlan()
             line("The shader is a shader object.");
         if (trace.optimized)
             line("The module is optimized by spirv-opt.");
-        if (trace.otherEntry != TracePlan::OtherEntry::None)
+        if (trace.otherEntry != OtherEntry::None)
             line("The module has another entry point, whose execution mode is the opposite{}.",
-                 trace.otherEntry == TracePlan::OtherEntry::Shared ? ", and which calls the same function" : "");
+                 trace.otherEntry == OtherEntry::Empty ? "" : ", and which calls the same function");
         return;
     }
     if (trace.from != standard.from)

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "check/oracle/pipeline_fault.h"
+#include "gpu/execution_mode.h"
 #include "gpu/programs/pipeline_libraries.h"
 
 namespace vellum::check
@@ -174,15 +175,13 @@ struct TracePlan {
     // and transforms are read as well. Condition: the condition of its loop also counts. Carried: its loop goes on in
     // two places and exchanges values.
     enum class Query { Plain, Array, Functions, Again, Sites, Getters, Condition, Carried };
-    // Another entry point in the module, which is not used. Shared: it calls the same functions.
-    enum class OtherEntry { None, Empty, Shared };
 
     Method method = Method::Query;
     // Query: the stage that has the ray query: any that kQueryStages lists.
     VkShaderStageFlagBits stage = VK_SHADER_STAGE_COMPUTE_BIT;
     Flags flags = Flags::RunTime;
     Mode mode = Mode::True;
-    // Query: with VK_KHR_opacity_micromap it declares the other value of the mode. Shared: not in task shaders.
+    // Query: with VK_KHR_opacity_micromap it declares the other value of the mode. Task shaders cannot share.
     OtherEntry otherEntry = OtherEntry::None;
     bool byAddress = false;     // the acceleration structure is a device address instead of a descriptor
     bool inlineModules = false; // VkShaderModuleCreateInfo in the stages' pNext

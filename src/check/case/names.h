@@ -114,9 +114,10 @@ inline constexpr std::array kQueryNames{
     Name<TracePlan::Query>{TracePlan::Query::Carried, "carried"},
 };
 inline constexpr std::array kOtherEntryNames{
-    Name<TracePlan::OtherEntry>{TracePlan::OtherEntry::None, "none"},
-    Name<TracePlan::OtherEntry>{TracePlan::OtherEntry::Empty, "empty"},
-    Name<TracePlan::OtherEntry>{TracePlan::OtherEntry::Shared, "shared"},
+    Name<OtherEntry>{OtherEntry::None, "none"},
+    Name<OtherEntry>{OtherEntry::Empty, "empty"},
+    Name<OtherEntry>{OtherEntry::SharedBefore, "shared-before"},
+    Name<OtherEntry>{OtherEntry::SharedAfter, "shared-after"},
 };
 // Stages and groups of PipelineTracerSetup, with decoys.
 inline constexpr std::array kTracerStageNames{

@@ -158,12 +158,12 @@ std::unique_ptr<Tracer> queryTracer(Device &gpu, const TracePlan &plan, uint32_t
         if (modeOf(plan) == Mode::Specialized)
             setup.specializedMode = plan.mode == TracePlan::Mode::SpecializedTrue ? VK_TRUE : VK_FALSE;
     }
-    if (plan.otherEntry != TracePlan::OtherEntry::None)
+    if (plan.otherEntry != OtherEntry::None)
         words = withOtherEntry(words,
                                !gpu.khr() || !usesMicromaps(gpu) ? Mode::Absent
                                : consumesMicromaps(plan)         ? Mode::False
                                                                  : Mode::True,
-                               plan.otherEntry == TracePlan::OtherEntry::Shared);
+                               plan.otherEntry);
     return std::make_unique<Tracer>(gpu, words, setup);
 }
 

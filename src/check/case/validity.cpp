@@ -582,7 +582,8 @@ void checkTrace(const Case &c)
     rule(!trace.optimized || (!traced && compute && !constant), "trace.optimized",
          "needs a ray query in the compute stage, ray flags of run time and a descriptor");
     rule(isNamed(kOtherEntryNames, trace.otherEntry), "trace.otherEntry", "no such entry point");
-    rule(trace.otherEntry != TracePlan::OtherEntry::Shared || trace.stage != VK_SHADER_STAGE_TASK_BIT_EXT,
+    rule(trace.otherEntry == OtherEntry::None || trace.otherEntry == OtherEntry::Empty ||
+             trace.stage != VK_SHADER_STAGE_TASK_BIT_EXT,
          "trace.otherEntry", "shares a function that ends a task shader");
     rule(!trace.shaderObjects || (trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && !trace.inlineModules),
          "trace.shaderObjects", "needs the compute stage, and is without modules");

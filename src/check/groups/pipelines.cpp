@@ -242,6 +242,7 @@ Case pipelineRayFlags(Random &random, const DeviceLimits &limits)
 {
     Case c = pipelineCase(random, limits, 64);
     c.trace.byAddress = chance(random, 30);
+    c.trace.signedFlags = chance(random, 20);
     c.trace.from = randomFrom(random);
     c.trace.pipeline.parameters = randomParameters(random);
     c.trace.pipeline.table.misses = c.trace.pipeline.parameters.missIndex + 1;

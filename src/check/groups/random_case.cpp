@@ -68,7 +68,7 @@ void usePipelines(Case &c)
 {
     const TracePlan &trace = c.trace;
     const bool plain = trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && trace.query == TracePlan::Query::Plain &&
-                       trace.mode == TracePlan::Mode::True && trace.otherEntry == TracePlan::OtherEntry::None &&
+                       trace.mode == TracePlan::Mode::True && trace.otherEntry == OtherEntry::None &&
                        !trace.optimized && !trace.shaderObjects;
     const bool fits = std::ranges::all_of(
         c.scene.objects, [](const oracle::Object &o) { return o.meshes.size() <= oracle::kMostGeometries; });

@@ -216,12 +216,13 @@ Case lossy(Random &random, const DeviceLimits &limits)
     return c;
 }
 
-TracePlan::OtherEntry otherEntry(Random &random, VkShaderStageFlagBits stage, uint32_t percent)
+OtherEntry otherEntry(Random &random, VkShaderStageFlagBits stage, uint32_t percent)
 {
     if (!chance(random, percent))
-        return TracePlan::OtherEntry::None;
-    return stage != VK_SHADER_STAGE_TASK_BIT_EXT && chance(random, 50) ? TracePlan::OtherEntry::Shared
-                                                                       : TracePlan::OtherEntry::Empty;
+        return OtherEntry::None;
+    if (stage == VK_SHADER_STAGE_TASK_BIT_EXT || chance(random, 40))
+        return OtherEntry::Empty;
+    return chance(random, 50) ? OtherEntry::SharedBefore : OtherEntry::SharedAfter;
 }
 
 // Ray queries in every stage, with ray flags and execution mode from everywhere.
@@ -252,7 +253,8 @@ Case queryObjects(Random &random, const DeviceLimits &limits)
     c.trace.query = forms[below(random, forms.size())];
     c.trace.optimized = chance(random, 40);
     c.trace.signedFlags = chance(random, 15);
-    if (!c.trace.optimized && chance(random, 30))
+    // In an array, the other query has constant flags, which differ then.
+    if (!c.trace.optimized && chance(random, c.trace.query == TracePlan::Query::Array ? 80 : 30))
         fixFlags(random, c);
     c.trace.shaderObjects = c.trace.query == TracePlan::Query::Plain || chance(random, 20);
     terminateSome(random, c.scene);

@@ -424,7 +424,7 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.trace.boundFirst = false; },
         [](Case &c) { c.trace.query = TracePlan::Query::Plain; },
         [](Case &c) { c.trace.shaderObjects = false; },
-        [](Case &c) { c.trace.otherEntry = TracePlan::OtherEntry::None; },
+        [](Case &c) { c.trace.otherEntry = OtherEntry::None; },
         [](Case &c) { c.trace.optimized = false; },
         [](Case &c) { c.trace.signedFlags = false; },
         [](Case &c) { c.trace.firstDestroyed = false; },
