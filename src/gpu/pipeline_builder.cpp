@@ -174,11 +174,23 @@ VkDeviceSize RayPipeline::stackSize(uint32_t group, VkShaderGroupShaderKHR shade
     return gpu_->vk().GetRayTracingShaderGroupStackSizeKHR(gpu_->device(), pipeline_, group, shader);
 }
 
+namespace
+{
+
+// Where the content of a buffer begins, so that its address has that alignment.
+VkDeviceSize startOf(const Buffer &buffer, VkDeviceSize alignment)
+{
+    return roundUp(buffer.address(), alignment) - buffer.address();
+}
+
+} // namespace
+
 BindingTable::BindingTable(Device &gpu, const RayPipeline &pipeline, const BindingRecords &records) : gpu_(gpu)
 {
     const auto &limits = gpu.pipelineProperties();
     const TableLayout &layout = records.layout;
     const VkDeviceSize base = std::max(limits.shaderGroupBaseAlignment, 64u);
+    alignment_ = base;
     const VkDeviceSize handle = limits.shaderGroupHandleSize;
     const VkDeviceSize alignment = std::max<VkDeviceSize>(limits.shaderGroupHandleAlignment, 4);
     const VkDeviceSize used = handle + VkDeviceSize{records.dataWords} * 4; // of a record
@@ -202,10 +214,11 @@ BindingTable::BindingTable(Device &gpu, const RayPipeline &pipeline, const Bindi
     const bool local = gpu.options().memory == Memory::DeviceLocal;
     buffer_ = Buffer(gpu, size + base,
                      VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
+                         VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
                          (local ? VkBufferUsageFlags{VK_BUFFER_USAGE_TRANSFER_DST_BIT} : 0),
                      local ? Buffer::Place::Device : Buffer::Place::Host);
     std::vector<uint8_t> content(static_cast<size_t>(size));
-    const VkDeviceSize start = roundUp(buffer_.address(), base) - buffer_.address();
+    const VkDeviceSize start = startOf(buffer_, base);
     std::map<uint32_t, std::vector<uint8_t>> handles;
     for (Part &part : parts) {
         for (size_t i = 0; i < part.records.size(); ++i) {
@@ -237,9 +250,31 @@ void BindingTable::trace(VkCommandBuffer commands, uint32_t width, uint32_t heig
     gpu_.vk().CmdTraceRaysKHR(commands, &raygen, &miss, &hit, &callable, width, height, depth);
 }
 
-void BindingTable::prepare(const LaunchPlan &launch, uint32_t rays)
+Buffer BindingTable::place(Device &gpu, VkDeviceSize bytes)
+{
+    return Buffer(gpu, bytes,
+                  VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
+                      VK_BUFFER_USAGE_TRANSFER_DST_BIT,
+                  Buffer::Place::Device);
+}
+
+BindingTable::Regions BindingTable::regions() const
+{
+    Regions all{raygen, miss, hit, callable};
+    if (place_ == nullptr)
+        return all;
+    const VkDeviceAddress from = buffer_.address() + startOf(buffer_, alignment_);
+    const VkDeviceAddress to = place_->address() + startOf(*place_, alignment_);
+    for (VkStridedDeviceAddressRegionKHR *region : {&all.raygen, &all.miss, &all.hit, &all.callable})
+        if (region->deviceAddress != 0)
+            region->deviceAddress += to - from;
+    return all;
+}
+
+void BindingTable::prepare(const LaunchPlan &launch, uint32_t rays, const Buffer *place)
 {
     launch_ = launch;
+    place_ = place;
     const uint32_t rows = launch.height * launch.depth;
     width_ = (rays + rows - 1) / rows;
     const auto upload = [&](const auto &command) {
@@ -250,19 +285,30 @@ void BindingTable::prepare(const LaunchPlan &launch, uint32_t rays)
     if (launch.command == Launch::Indirect) {
         upload(VkTraceRaysIndirectCommandKHR{width_, launch.height, launch.depth});
     } else if (launch.command == Launch::Indirect2) {
-        upload(VkTraceRaysIndirectCommand2KHR{
-            raygen.deviceAddress, raygen.size, miss.deviceAddress, miss.size, miss.stride, hit.deviceAddress, hit.size,
-            hit.stride, callable.deviceAddress, callable.size, callable.stride, width_, launch.height, launch.depth});
+        const Regions r = regions();
+        upload(VkTraceRaysIndirectCommand2KHR{r.raygen.deviceAddress, r.raygen.size, r.miss.deviceAddress, r.miss.size,
+                                              r.miss.stride, r.hit.deviceAddress, r.hit.size, r.hit.stride,
+                                              r.callable.deviceAddress, r.callable.size, r.callable.stride, width_,
+                                              launch.height, launch.depth});
     }
 }
 
 void BindingTable::trace(VkCommandBuffer commands) const
 {
+    if (place_ != nullptr) {
+        const VkDeviceSize from = startOf(buffer_, alignment_), to = startOf(*place_, alignment_);
+        const VkBufferCopy all{from, to, buffer_.size() - alignment_};
+        barrier(commands);
+        vkCmdCopyBuffer(commands, buffer_.handle(), place_->handle(), 1, &all);
+        barrier(commands);
+    }
+    const Regions r = regions();
     const VkDeviceAddress command = command_.address() + VkDeviceAddress{4} * launch_.offset;
     if (launch_.command == Launch::Direct)
-        trace(commands, width_, launch_.height, launch_.depth);
+        gpu_.vk().CmdTraceRaysKHR(commands, &r.raygen, &r.miss, &r.hit, &r.callable, width_, launch_.height,
+                                  launch_.depth);
     else if (launch_.command == Launch::Indirect)
-        gpu_.vk().CmdTraceRaysIndirectKHR(commands, &raygen, &miss, &hit, &callable, command);
+        gpu_.vk().CmdTraceRaysIndirectKHR(commands, &r.raygen, &r.miss, &r.hit, &r.callable, command);
     else
         gpu_.vk().CmdTraceRaysIndirect2KHR(commands, command);
 }

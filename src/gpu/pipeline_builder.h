@@ -141,15 +141,27 @@ class BindingTable
 public:
     BindingTable(Device &gpu, const RayPipeline &pipeline, const BindingRecords &records);
     void trace(VkCommandBuffer commands, uint32_t width, uint32_t height = 1, uint32_t depth = 1) const;
-    // Prepares a trace of at least that many rays.
-    void prepare(const LaunchPlan &launch, uint32_t rays);
+    // Prepares a trace of at least that many rays. place: the table is copied to that buffer (place()) before, and
+    // traced with there.
+    void prepare(const LaunchPlan &launch, uint32_t rays, const Buffer *place = nullptr);
     void trace(VkCommandBuffer commands) const;
+    // A buffer for the tables of that many bytes() or fewer.
+    static Buffer place(Device &gpu, VkDeviceSize bytes);
+    [[nodiscard]] VkDeviceSize bytes() const { return buffer_.size(); }
 
     VkStridedDeviceAddressRegionKHR raygen{}, miss{}, hit{}, callable{};
 
 private:
+    struct Regions {
+        VkStridedDeviceAddressRegionKHR raygen, miss, hit, callable;
+    };
+    // The regions, in place_ if there is one.
+    [[nodiscard]] Regions regions() const;
+
     Device &gpu_;
+    VkDeviceSize alignment_ = 0; // of the buffer's content
     Buffer buffer_;
+    const Buffer *place_ = nullptr;
     LaunchPlan launch_;
     uint32_t width_ = 0;
     Buffer command_; // of an indirect trace

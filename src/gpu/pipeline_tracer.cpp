@@ -228,7 +228,7 @@ void PipelineTracer::prepare(const Structure &scene, std::span<const Ray> rays, 
     push_.rayCount = static_cast<uint32_t>(rays.size());
     push_.capacity = capacity;
     push_.scene = scene.address();
-    table_->prepare(launch_, push_.rayCount);
+    table_->prepare(launch_, push_.rayCount, place_);
     resources_.write(scene.handle(), buffers());
 }
 

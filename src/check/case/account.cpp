@@ -532,6 +532,8 @@ void Account::writeTracePlan()
         line("Another pipeline traces the rays afterwards, by the same command buffer:");
         writePipeline(pipeline);
     }
+    if (trace.tablesInPlace)
+        line("Each binding table of a pipeline is written over the one before, by the command buffer that traces.");
     if (trace.firstDestroyed)
         line("Then the first pipeline is destroyed, and the others trace again.");
 }

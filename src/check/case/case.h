@@ -197,6 +197,7 @@ struct TracePlan {
     // Pipeline
     PipelinePlan pipeline;
     std::vector<PipelinePlan> otherPipelines; // alive at the same time; their traces follow in the command buffer
+    bool tablesInPlace = false; // each table of a pipeline overwrites the one before it, with the same command buffer
     // The first pipeline is destroyed afterwards, and the others trace again.
     bool firstDestroyed = false;
     bool dynamicStackSize = false;

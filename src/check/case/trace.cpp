@@ -198,6 +198,19 @@ private:
         return *tracers[trace.table];
     }
 
+    // TracePlan::tablesInPlace: a buffer for each pipeline.
+    std::vector<Buffer> placesOfTables(std::span<const PipelineTrace> traces,
+                                       std::span<PipelineTracer *const> tracers) const
+    {
+        std::vector<VkDeviceSize> bytes(plan_.tablesInPlace ? pipelines_.size() : 0);
+        for (size_t k = 0; !bytes.empty() && k < traces.size(); ++k)
+            bytes[traces[k].pipeline] = std::max(bytes[traces[k].pipeline], tracers[k]->table().bytes());
+        std::vector<Buffer> places;
+        for (const VkDeviceSize size : bytes)
+            places.push_back(BindingTable::place(gpu_, std::max<VkDeviceSize>(size, 4)));
+        return places;
+    }
+
     template <class Check>
     void tracePipelines(const Structure &top, const Scene &scene, std::span<const Ray> rays, const Record &beside,
                         const Check &check)
@@ -220,6 +233,9 @@ private:
             tracer.setTable(oracle::tableOf(scene, trace.by));
             tracer.setLaunch(plan_.launch);
         }
+        const std::vector<Buffer> places = placesOfTables(traces, tracers);
+        for (size_t k = 0; k < traces.size(); ++k)
+            tracers[k]->setPlace(plan_.tablesInPlace ? &places[traces[k].pipeline] : nullptr);
         run(std::span<PipelineTracer *const>(tracers), top, rays, beside);
         const oracle::Tolerance tolerance = oracle::toleranceFor(gpu_);
         for (size_t k = 0; k < traces.size(); ++k) {
@@ -272,7 +288,7 @@ std::vector<std::string> traceFaults(Device &gpu, const Structure &top, const Sc
     TracePlan pipelines = plan; // the members that pipelines depend on
     pipelines.besideBuild = pipelines.boundFirst = pipelines.secondary = false;
     pipelines.launch = {};
-    pipelines.firstDestroyed = false;
+    pipelines.firstDestroyed = pipelines.tablesInPlace = false;
     const auto withoutTables = [](PipelinePlan &pipeline) {
         pipeline.table = {};
         pipeline.otherTables.clear();

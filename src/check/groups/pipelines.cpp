@@ -224,6 +224,7 @@ Case bindingTables(Random &random, const DeviceLimits &limits)
         else
             pipeline.otherTables.push_back(table);
     }
+    c.trace.tablesInPlace = chance(random, 20);
     // One record for all hits, which are then all on triangles.
     if (chance(random, 15)) {
         const auto triangles =
@@ -266,14 +267,23 @@ Case severalPipelines(Random &random, const DeviceLimits &limits)
 {
     Case c = pipelineCase(random, limits, 32);
     c.trace.from = chance(random, 20) ? randomFrom(random) : From::RayGeneration;
+    c.trace.tablesInPlace = chance(random, 40);
     const auto randomPipeline = [&] {
         PipelinePlan pipeline;
         if (chance(random, 30))
             pipeline.flags = randomFlags(random, c, true);
         pipeline.parameters = randomParameters(random);
         pipeline.table = randomTable(random, pipeline);
-        if (chance(random, 40))
-            pipeline.otherTables.push_back(randomTable(random, pipeline));
+        if (chance(random, c.trace.tablesInPlace ? 90 : 40)) {
+            TablePlan other = randomTable(random, pipeline);
+            // Only the groups of records differ, so that each record is at the same address.
+            if (c.trace.tablesInPlace) {
+                other.content = pipeline.table.content;
+                other.misses = pipeline.table.misses;
+                other.layout = pipeline.table.layout;
+            }
+            pipeline.otherTables.push_back(other);
+        }
         if (chance(random, 20))
             pipeline.parts = randomParts(random, c.trace, limits);
         return pipeline;
@@ -333,7 +343,7 @@ constexpr std::array kPipelinesGroups{
           runGroup<pipelineRayFlags>, 50},
     Group{"several-pipelines",
           "two or three pipelines with several tables in one command buffer, of which the first is destroyed",
-          "vkCmdBindPipeline; vkCmdTraceRaysKHR; vkDestroyPipeline", 80, runGroup<severalPipelines>, 14},
+          "vkCmdBindPipeline; vkCmdTraceRaysKHR; vkDestroyPipeline", 80, runGroup<severalPipelines>, 20},
     Group{"indirect-traces", "pipelines whose rays are traced by indirect commands, with hit tables of several strides",
           "vkCmdTraceRaysIndirectKHR, vkCmdTraceRaysIndirect2KHR; VkTraceRaysIndirectCommand2KHR; Hit Shader Table",
           120, runGroup<indirectTraces>, 24},
