@@ -5,7 +5,7 @@
 #include "gpu/device_selection.h"
 #include "gpu/known_faults.h"
 #include "gpu/memory_pool.h"
-#include "vellum/vulkan_opacity_micromap.h"
+#include "vk/newer.h"
 #include "vk/vk_init.h"
 
 #include <algorithm>
@@ -95,6 +95,8 @@ struct DeviceOptions {
     X(DeferredOperationJoinKHR)                                                                                        \
     X(GetDeferredOperationResultKHR)                                                                                   \
     X(CmdPushDescriptorSetKHR)                                                                                         \
+    X(CmdBindDescriptorSets2KHR)                                                                                       \
+    X(CmdPushConstants2KHR)                                                                                            \
     X(CmdCopyMemoryKHR)                                                                                                \
     X(CmdCopyMemoryToImageKHR)                                                                                         \
     X(CmdCopyImageToMemoryKHR)                                                                                         \

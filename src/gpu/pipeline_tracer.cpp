@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 
+#include "gpu/bindings.h"
 #include "shaders/pipeline_decoy_any_hit.h"
 #include "shaders/pipeline_decoy_closest_hit.h"
 #include "shaders/pipeline_decoy_intersection.h"
@@ -232,11 +233,13 @@ void PipelineTracer::prepare(const Structure &scene, std::span<const Ray> rays, 
     resources_.write(scene.handle(), buffers());
 }
 
-void PipelineTracer::bind(VkCommandBuffer commands) const
+void PipelineTracer::bind(VkCommandBuffer commands, bool maintenance6) const
 {
     vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, pipeline_->pipeline.handle());
-    resources_.bind(commands);
-    vkCmdPushConstants(commands, resources_.layout(), PipelineResources::kStages, 0, pushSize_, &push_);
+    recordBindings(gpu_, commands,
+                   {VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, resources_.layout(), resources_.set(),
+                    PipelineResources::kStages, std::as_bytes(std::span(&push_, 1)).first(pushSize_)},
+                   maintenance6);
 }
 
 void PipelineTracer::dispatch(VkCommandBuffer commands) const

@@ -123,7 +123,7 @@ public:
 
     // Traces in steps.
     void prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
-    void bind(VkCommandBuffer commands) const;
+    void bind(VkCommandBuffer commands, bool maintenance6 = false) const; // as that of Tracer
     void dispatch(VkCommandBuffer commands) const;
     [[nodiscard]] std::vector<PipelineResult> results() const;
     void clearResults();

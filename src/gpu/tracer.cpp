@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "gpu/bindings.h"
 #include "shaders/tracer_comp.h"
 
 namespace vellum::gpu
@@ -107,11 +108,11 @@ void Tracer::prepare(const Structure &scene, std::span<const Ray> rays, uint32_t
     vkUpdateDescriptorSets(gpu_.device(), 4, writes.data(), 0, nullptr);
 }
 
-void Tracer::bind(VkCommandBuffer commands) const
+void Tracer::bind(VkCommandBuffer commands, bool maintenance6) const
 {
     program_->bind(commands);
-    vkCmdBindDescriptorSets(commands, program_->point(), layout_, 0, 1, &set_, 0, nullptr);
-    vkCmdPushConstants(commands, layout_, pushStages_, 0, sizeof(push_), &push_);
+    recordBindings(gpu_, commands, {program_->point(), layout_, set_, pushStages_, std::as_bytes(std::span(&push_, 1))},
+                   maintenance6);
 }
 
 void Tracer::dispatch(VkCommandBuffer commands) const

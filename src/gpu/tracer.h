@@ -112,7 +112,8 @@ public:
 
     // Traces in steps, for tests that put other commands in between.
     void prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
-    void bind(VkCommandBuffer commands) const; // pipeline, descriptor set, push constants
+    // Pipeline, descriptor set, push constants; maintenance6: the last two by the commands of VK_KHR_maintenance6.
+    void bind(VkCommandBuffer commands, bool maintenance6 = false) const;
     void dispatch(VkCommandBuffer commands) const;
     [[nodiscard]] std::vector<Result> results() const;
     [[nodiscard]] VkPipelineLayout layout() const { return layout_; }

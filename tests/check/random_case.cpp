@@ -13,6 +13,7 @@ Case randomCase(uint32_t seed, uint32_t rays)
     const Limits limits{.rays = rays,
                         .byteIndices = true,
                         .lossy = true,
+                        .oddStrides = true,
                         .unusual = 50,
                         .formats = {kVertexFormats.begin(), kVertexFormats.end()}};
     Case c{.group = "random", .seed = (uint64_t{random()} << 32) | random()};
@@ -65,6 +66,7 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .inlineModules = yes(),
                .besideBuild = yes(),
                .boundFirst = yes(),
+               .maintenance6 = yes(),
                .dynamicStackSize = yes(),
                .from = static_cast<TracePlan::From>(below(random, 3)),
                .flags2 = yes(),

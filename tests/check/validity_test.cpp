@@ -359,7 +359,7 @@ const Break kBreaks[] = {
      })},
     {"a micromap needs a triangle",
      kForIndices([](oracle::MeshMicromap &use, Case &c) { c.scene.micromaps[*use.micromap].triangles.clear(); })},
-    {"is no multiple of 4 of at least 8",
+    {"triangleStride 4 is below 8",
      kForIndices([](oracle::MeshMicromap &use, Case &c) { c.scene.micromaps[*use.micromap].triangleStride = 4; })},
     {"exclude each other",
      kForIndices([](oracle::MeshMicromap &use, Case &c) { c.scene.micromaps[*use.micromap].flags |= 3; })},

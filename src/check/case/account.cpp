@@ -265,7 +265,8 @@ private:
         if (case_.build.single)
             line("     All builds and the rays are in one command buffer.");
         if (case_.build.conditional)
-            line("     Builds, copies and queries are within conditional rendering whose predicate is false.");
+            line("     Builds, copies and queries are within conditional rendering whose predicate is false{}.",
+                 case_.build.single ? "" : ", and so is a dispatch after each build and copy");
         if (case_.build.unrelated)
             line("     Commands that build several objects build an unrelated top level first; that which builds the "
                  "top "
@@ -599,6 +600,9 @@ void Account::writeRay()
         line("The commands that trace are in a secondary command buffer.");
     if (case_.trace.boundFirst)
         line("What traces was bound before the builds of the same command buffer.");
+    if (case_.trace.maintenance6)
+        line("The descriptor set is bound by vkCmdBindDescriptorSets2KHR, and constants are pushed by "
+             "vkCmdPushConstants2KHR.");
     writeTracePlan();
     if (const LaunchPlan &launch = case_.trace.launch; launch != LaunchPlan())
         line("The command is vkCmdTraceRays{}KHR, height {}, depth {}{}.",

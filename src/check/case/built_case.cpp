@@ -85,8 +85,11 @@ bool queriesCompactedSize(const Case &c, const QueryTarget &target)
 
 BuiltCase::BuiltCase(Device &gpu, const Case &c) : gpu_(gpu), case_(c), scene_(c.scene)
 {
-    if (c.build.conditional)
-        predicate_ = Buffer(gpu, sizeof(uint32_t), VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
+    if (c.build.conditional) {
+        predicate_ = Buffer(gpu, 2 * sizeof(uint32_t), VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
+        predicate_.as<uint32_t>()[0] = 1; // the other one is used
+        discarded_ = std::make_unique<Marker>(gpu);
+    }
     if (c.build.single)
         prepareAll();
     else
@@ -113,18 +116,35 @@ void BuiltCase::recordUnder(VkCommandBuffer commands, const Record &record) cons
 {
     if (!case_.build.conditional)
         return record(commands);
-    const auto begin = vkInit<VkConditionalRenderingBeginInfoEXT>({.buffer = predicate_.handle()});
+    const auto begin =
+        vkInit<VkConditionalRenderingBeginInfoEXT>({.buffer = predicate_.handle(), .offset = sizeof(uint32_t)});
     gpu_.vk().CmdBeginConditionalRenderingEXT(commands, &begin);
     record(commands);
     gpu_.vk().CmdEndConditionalRenderingEXT(commands);
 }
 
+void BuiltCase::recordDiscarding(VkCommandBuffer commands, const Record &record) const
+{
+    recordUnder(commands, [&](VkCommandBuffer to) {
+        record(to);
+        if (discarded_)
+            discarded_->record(to);
+    });
+}
+
+void BuiltCase::checkDiscarded(const std::string &what)
+{
+    if (discarded_ && discarded_->take())
+        gpu_.fault("a dispatch that conditional rendering discards is executed (after: " + what + ")");
+}
+
 void BuiltCase::execute(const std::string &what, const Writes &writes, const Record &record, bool repeatable)
 {
     Watch watch(gpu_);
-    gpu_.submit([&](VkCommandBuffer commands) { recordUnder(commands, record); }, case_.build.secondary,
+    gpu_.submit([&](VkCommandBuffer commands) { recordDiscarding(commands, record); }, case_.build.secondary,
                 case_.build.twice && repeatable ? 2 : 1);
     watch.expectOnlyChanged(writes, what);
+    checkDiscarded(what);
 }
 
 void BuiltCase::executeOnHost(const std::string &what, const Writes &writes, const std::function<void()> &command)
@@ -148,9 +168,12 @@ void BuiltCase::runOnThreads(const Work &work)
             recordings[t] = std::make_unique<Recording>(gpu_);
             SharedScratch scratch(gpu_);
             for (size_t i = t; i < work.count; i += count) {
-                const Writes writes = work.record(i, recordings[t]->commands(), scratch);
-                written[t].insert(written[t].end(), writes.begin(), writes.end());
-                barrier(recordings[t]->commands());
+                const VkCommandBuffer commands = recordings[t]->commands();
+                recordDiscarding(commands, [&](VkCommandBuffer to) {
+                    const Writes writes = work.record(i, to, scratch);
+                    written[t].insert(written[t].end(), writes.begin(), writes.end());
+                });
+                barrier(commands);
             }
             CHECK_VK(vkEndCommandBuffer(recordings[t]->commands()));
         } catch (...) {
@@ -175,6 +198,7 @@ void BuiltCase::runOnThreads(const Work &work)
         recordings[t]->submit(gpu_.queues()[t % gpu_.queues().size()]);
     CHECK_VK(vkDeviceWaitIdle(gpu_.device()));
     watch.expectOnlyChanged(writes, work.name);
+    checkDiscarded(work.name);
 }
 
 void BuiltCase::buildMicromaps()

@@ -11,6 +11,7 @@
 
 #include "check/case/case.h"
 #include "gpu/copies.h"
+#include "gpu/programs/marker.h"
 
 namespace vellum::check
 {
@@ -103,6 +104,10 @@ private:
     void runOnThreads(const Work &work);
     // Records as the case does everything but rays: within conditional rendering, or not.
     void recordUnder(VkCommandBuffer commands, const Record &record) const;
+    // As above. Conditional rendering also has a dispatch at its end, which it discards.
+    void recordDiscarding(VkCommandBuffer commands, const Record &record) const;
+    // Reports a dispatch that was executed.
+    void checkDiscarded(const std::string &what);
     // Executes, and reports what else was written to.
     void execute(const std::string &what, const Writes &writes, const Record &record, bool repeatable = true);
     void executeOnHost(const std::string &what, const Writes &writes, const std::function<void()> &command);
@@ -117,7 +122,9 @@ private:
 
     Device &gpu_;
     const Case &case_;
-    Buffer predicate_;    // of conditional rendering: false
+    // Conditional rendering: what discards, and the dispatch that is discarded.
+    Buffer predicate_;
+    std::unique_ptr<Marker> discarded_;
     oracle::Scene scene_; // state after the steps so far
     std::vector<std::unique_ptr<Micromap>> micromaps_;
     std::vector<Bottom> bottoms_;

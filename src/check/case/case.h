@@ -34,7 +34,7 @@ struct BuildPlan {
     bool geometryPointers = false; // the top level's geometry comes by ppGeometries
     bool single = false;           // everything by one command buffer, with the rays; without steps only
     // Builds, copies and queries are recorded within conditional rendering whose predicate is false. It does not affect
-    // these commands.
+    // these commands, but discards a dispatch that follows each build and copy, except before rays.
     bool conditional = false;
     // Indirect builds allow that many triangles and instances more than they build: ppMaxPrimitiveCounts.
     uint32_t spareTriangles = 0;
@@ -189,6 +189,7 @@ struct TracePlan {
     bool besideBuild = false;   // traced while another structure is built by the same submission
     // Pipeline, descriptors and push constants are bound before the builds of the same command buffer.
     bool boundFirst = false;
+    bool maintenance6 = false;  // by vkCmdBindDescriptorSets2KHR and vkCmdPushConstants2KHR
     Query query = Query::Plain; // Query; other than Plain: in the compute stage, of a descriptor
     // Query: the module went through spirv-opt: in the compute stage, of a descriptor, with flags of run time.
     bool optimized = false;

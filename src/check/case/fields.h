@@ -248,6 +248,7 @@ void ofTrace(Archive &archive, T &trace)
     archive.value("secondary", trace.secondary, standard.secondary);
     archive.value("besideBuild", trace.besideBuild, standard.besideBuild);
     archive.value("boundFirst", trace.boundFirst, standard.boundFirst);
+    archive.value("maintenance6", trace.maintenance6, standard.maintenance6);
     archive.name("query", trace.query, kQueryNames, standard.query);
     archive.value("optimized", trace.optimized, standard.optimized);
     archive.value("signedFlags", trace.signedFlags, standard.signedFlags);

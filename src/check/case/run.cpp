@@ -109,6 +109,9 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
     for (const oracle::SceneMicromap &micromap : c.scene.micromaps) {
         if (micromap.onHost && !gpu.hasMicromapHostCommands())
             return "micromapHostCommands is not supported";
+        // VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11647
+        if (micromap.triangleStride % 4 != 0 && gpu.khr())
+            return "VK_KHR_opacity_micromap has strides of triangle arrays in multiples of 4 only";
         if ((micromap.flags & kLossy) != 0 && !gpu.khr())
             return "VK_EXT_opacity_micromap has no lossy builds";
         if ((micromap.flags & kLossy) != 0 && !gpu.has(VK_KHR_RAY_QUERY_EXTENSION_NAME))

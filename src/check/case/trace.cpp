@@ -133,7 +133,7 @@ private:
             tracer->clearResults();
         }
         const auto bind = [&](VkCommandBuffer commands, const Traces &tracer) {
-            tracer.bind(commands);
+            tracer.bind(commands, plan_.maintenance6);
             if constexpr (std::is_same_v<Traces, PipelineTracer>) {
                 if (plan_.dynamicStackSize)
                     gpu_.vk().CmdSetRayTracingPipelineStackSizeKHR(commands, tracer.stackSize());
@@ -286,7 +286,7 @@ std::vector<std::string> traceFaults(Device &gpu, const Structure &top, const Sc
     };
     const std::shared_ptr<Tracers> tracers = gpu.kept<Tracers>();
     TracePlan pipelines = plan; // the members that pipelines depend on
-    pipelines.besideBuild = pipelines.boundFirst = pipelines.secondary = false;
+    pipelines.besideBuild = pipelines.boundFirst = pipelines.maintenance6 = pipelines.secondary = false;
     pipelines.launch = {};
     pipelines.firstDestroyed = pipelines.tablesInPlace = false;
     const auto withoutTables = [](PipelinePlan &pipeline) {

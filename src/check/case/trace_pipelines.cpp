@@ -110,6 +110,8 @@ std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
     if (plan.inlineModules && !gpu.has("VK_KHR_maintenance5") &&
         !gpu.has(VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME))
         return "neither VK_KHR_maintenance5 nor VK_EXT_graphics_pipeline_library is supported";
+    if (plan.maintenance6 && !has(gpu, "VK_KHR_maintenance6", missing))
+        return missing;
     if (!pipeline) {
         if (!has(gpu, VK_KHR_RAY_QUERY_EXTENSION_NAME, missing))
             return missing;

@@ -89,9 +89,8 @@ void checkMicromap(const oracle::SceneMicromap &micromap, const std::string &whe
     rule(oneAtMost(micromap.flags,
                    VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT | VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT),
          where, "fast builds and fast traces exclude each other");
-    rule(micromap.triangleStride >= sizeof(VkMicromapTriangleEXT) && micromap.triangleStride % 4 == 0, where,
-         "triangleStride {} is no multiple of 4 of at least {}", micromap.triangleStride,
-         sizeof(VkMicromapTriangleEXT));
+    rule(micromap.triangleStride >= sizeof(VkMicromapTriangleEXT), where, "triangleStride {} is below {}",
+         micromap.triangleStride, sizeof(VkMicromapTriangleEXT));
     rule(uint64_t{micromap.triangleStride} * micromap.triangles.size() <= kMostBytes, where,
          "triangleStride {} is too large", micromap.triangleStride);
 }

@@ -203,6 +203,7 @@ Case state(Random &random, const DeviceLimits &limits)
         c.trace.method = TracePlan::Method::Pipeline;
     else if (!c.trace.secondary && chance(random, 30))
         c.trace.stage = kQueryStages[below(random, kQueryStages.size())];
+    c.trace.maintenance6 = limits.maintenance6 && chance(random, 50);
     return c;
 }
 

@@ -24,11 +24,15 @@ struct DeviceLimits {
     bool indirectBuilds = false;
     bool hostReset = false;   // of queries
     bool maintenance = false; // VK_KHR_ray_tracing_maintenance1
-    bool dataAccess = false;  // VK_KHR_ray_tracing_position_fetch
+    bool maintenance6 = false;
+    bool dataAccess = false; // VK_KHR_ray_tracing_position_fetch
     uint32_t maxLevel2 = 0, maxLevel4 = 0, maxLossyLevel = 0;
     std::vector<VkFormat> vertexFormats = {kVertexFormats.begin(), kVertexFormats.begin() + kRequiredVertexFormats};
     std::vector<KnownFault> faults;
 
+    // Only VK_KHR_opacity_micromap demands multiples of 4:
+    // VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11647.
+    [[nodiscard]] bool oddStrides() const { return api == Api::Ext; }
     [[nodiscard]] bool has(Fault fault) const
     {
         return std::ranges::any_of(faults, [fault](const KnownFault &known) { return known.fault == fault; });

@@ -181,7 +181,7 @@ void addUses(Random &random, Case &c, const std::vector<uint32_t> &numbers, VkIn
 }
 
 // A micromap of `count` triangles, of which those of these numbers are unlike the others.
-Case micromapCase(Random &random, uint32_t count, const std::vector<uint32_t> &numbers)
+Case micromapCase(Random &random, const DeviceLimits &limits, uint32_t count, const std::vector<uint32_t> &numbers)
 {
     Case c = paletteCase(random);
     const auto filler = static_cast<uint8_t>(below(random, 2));
@@ -192,6 +192,8 @@ Case micromapCase(Random &random, uint32_t count, const std::vector<uint32_t> &n
             all[number] = oracle::randomTriangle(random, 2);
         while (std::ranges::count(all[number].states, filler) > 0);
     }
+    if (chance(random, 60))
+        c.scene.micromaps[0].triangleStride = oracle::randomTriangleStride(random, limits.oddStrides());
     return c;
 }
 
@@ -202,7 +204,7 @@ Case micromapTriangles(Random &random, const DeviceLimits &limits, uint32_t coun
     // Several beyond each base.
     for (uint32_t i = 0; i < 8; ++i)
         numbers.push_back(count - 1 - below(random, (count - most + 1) / 2));
-    Case c = micromapCase(random, count, numbers);
+    Case c = micromapCase(random, limits, count, numbers);
     addUses(random, c, numbers, VK_INDEX_TYPE_UINT32, 0);
     // Bases of more than 8 bits; and of more than 10 or 16, then also without indices.
     for (const uint32_t base : {257 + below(random, count / 4), most + below(random, (count - most + 1) / 2)}) {
@@ -237,7 +239,7 @@ Case shortIndices(Random &random, const DeviceLimits &limits)
         words.insert(0x8000 + below(random, kOf16Bits - 0x8000));
     std::vector<uint32_t> numbers(words.begin(), words.end());
     numbers.insert(numbers.end(), bytes.begin(), bytes.end());
-    Case c = micromapCase(random, above(random, kOf16Bits), numbers);
+    Case c = micromapCase(random, limits, above(random, kOf16Bits), numbers);
     addUses(random, c, {words.begin(), words.end()}, VK_INDEX_TYPE_UINT16, 0);
     addUses(random, c, {bytes.begin(), bytes.end()},
             limits.byteIndices ? VK_INDEX_TYPE_UINT8_EXT : VK_INDEX_TYPE_UINT16, 0);
@@ -277,6 +279,94 @@ Case highestLevel(Random &random, uint16_t format, uint32_t level)
     return c;
 }
 
+// Steps on the only micromap or object of a case, which may be compacted.
+void setSteps(Case &c, std::initializer_list<Step::Kind> kinds)
+{
+    c.scene.micromaps[0].flags |= VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+    for (const Step::Kind kind : kinds)
+        c.steps.push_back({.kind = kind});
+}
+
+// Micromaps of the highest level that are copied and serialized.
+Case highestCopied(Random &random, const DeviceLimits &limits)
+{
+    Case c = highestLevel(random, kFourState, limits.maxLevel4);
+    setSteps(c, {Step::Kind::CloneMicromap, Step::Kind::ReloadMicromap});
+    return c;
+}
+
+Case highestCompacted(Random &random, const DeviceLimits &limits)
+{
+    Case c = highestLevel(random, kTwoState, limits.maxLevel2);
+    setSteps(c, {Step::Kind::ReloadMicromap, Step::Kind::CompactMicromap, Step::Kind::ReloadObject});
+    if (limits.api == Api::Khr && limits.has(Fault::LayerSerializedStructures))
+        c.steps.pop_back();
+    return c;
+}
+
+Case highestOnHost(Random &random, const DeviceLimits &limits)
+{
+    Case c = highestCopied(random, limits);
+    if (!limits.hostCommands)
+        return c;
+    c.build.micromaps = BuildCommand::Host;
+    buildableOnHost(c.scene);
+    for (Step &step : c.steps)
+        step.host = true;
+    return c;
+}
+
+// A lossy micromap whose triangles have equal states within each sub-triangle of 4^n, which is the least that a coarser
+// level can keep; but in each of three of these nodes, in another quarter of it, a few states are others. Rays meet
+// them. Where there are no lossy builds, an ordinary one.
+Case lossyNodes(Random &random, const DeviceLimits &limits)
+{
+    constexpr uint32_t kTriangles = 3, kRise = 7;
+    constexpr uint32_t kQuarters = 4, kNodes = 3;
+    Case c{.scene = {.edge = 4e-6f}};
+    c.scene.objects.resize(1);
+    c.scene.instances = {instanceInPlace(random)};
+    oracle::Mesh &mesh = c.scene.objects[0].meshes.emplace_back();
+    mesh.opaque = chance(random, 50);
+    mesh.micromap = {.micromap = 0};
+    oracle::SceneMicromap &micromap = c.scene.micromaps.emplace_back();
+    const bool lossy = limits.api == Api::Khr;
+    micromap.flags = lossy ? kLossy : 0;
+    const uint32_t highest = lossy ? limits.maxLossyLevel : limits.maxLevel4;
+    for (uint32_t t = 0; t < kTriangles; ++t) {
+        const uint32_t level = highest - std::min(t, highest);
+        const uint32_t n = level > kRise ? level - kRise : std::min(level, 1u);
+        const uint32_t nodes = 1u << (2 * (level - n)), each = 1u << (2 * n);
+        oracle::MicromapTriangle triangle{.level = level, .format = kFourState};
+        for (uint32_t node = 0; node < nodes; ++node)
+            triangle.states.insert(triangle.states.end(), each, static_cast<uint8_t>(below(random, 4)));
+        const Vec3 place = placeInGrid(t);
+        const auto aim = [&](uint32_t number) {
+            Ray &ray = c.scene.rays.emplace_back(rayDown(random));
+            const auto [u, v] = microTriangleCentre(number, level);
+            ray.origin = {place[0] + static_cast<float>(u), place[1] + static_cast<float>(v), 3};
+        };
+        const uint32_t firstQuarter = below(random, kQuarters);
+        for (uint32_t i = 0; i < kNodes; ++i) {
+            const uint32_t node = below(random, nodes);
+            const auto known = static_cast<uint8_t>(below(random, 2));
+            std::fill_n(triangle.states.begin() + node * each, each, known);
+            const uint32_t quarter = node * each + (firstQuarter + i) % kQuarters * (each / kQuarters);
+            for (uint32_t k = 1 + below(random, 3); k > 0; --k) {
+                const uint32_t other = quarter + below(random, std::max(each / kQuarters, 1u));
+                triangle.states[other] = static_cast<uint8_t>((known + 1 + below(random, 3)) % 4);
+                aim(other);
+                aim(node * each + below(random, each));
+            }
+        }
+        aimAt(random, c, place, level, 24);
+        appendTriangle(mesh.vertices, place);
+        mesh.micromap->indices.push_back(static_cast<int32_t>(t));
+        micromap.triangles.push_back(std::move(triangle));
+    }
+    return c;
+}
+
 // As above, by a ray tracing pipeline.
 template <MakeCase make>
 Case byPipeline(Random &random, const DeviceLimits &limits)
@@ -302,7 +392,7 @@ Case someMicromapTriangles(Random &random, const DeviceLimits &limits)
     return micromapTriangles(random, limits, above(random, 1u << 10));
 }
 
-constexpr std::array<MakeCase, 15> kKinds{
+constexpr std::array<MakeCase, 19> kKinds{
     [](Random &random, const DeviceLimits &) { return geometries(random, above(random, 1u << 8)); },
     someTriangles,
     someInstances,
@@ -320,6 +410,10 @@ constexpr std::array<MakeCase, 15> kKinds{
     byPipeline<someInstances>,
     byPipeline<someMicromapTriangles>,
     byPipeline<shortIndices>,
+    highestCopied,
+    highestCompacted,
+    highestOnHost,
+    lossyNodes,
 };
 
 Outcome scale(Session &session, std::string_view group, uint64_t seed)
@@ -330,11 +424,13 @@ Outcome scale(Session &session, std::string_view group, uint64_t seed)
 constexpr std::array kScaleGroups{
     Group{"scale",
           "more than 256 and 65,536 geometries, triangles, instances and micromap triangles; indices with the highest "
-          "bit set; the highest levels",
+          "bit set; the highest levels, also lossy, copied and serialized; strides of triangle arrays and data of more "
+          "than 64 KiB",
           "maxGeometryCount, maxPrimitiveCount, maxInstanceCount, maxMicromapTriangles; "
           "VkAccelerationStructureTrianglesOpacityMicromapKHR: indexType, baseTriangle; "
-          "maxOpacity2StateSubdivisionLevel and maxOpacity4StateSubdivisionLevel",
-          60, scale, kKinds.size(), kKinds.size()},
+          "maxOpacity2StateSubdivisionLevel, maxOpacity4StateSubdivisionLevel and "
+          "maxOpacityLossy4StateSubdivisionLevel",
+          76, scale, kKinds.size(), kKinds.size()},
 };
 
 } // namespace

@@ -60,7 +60,7 @@ SceneMicromap randomMicromap(Random &random, uint32_t triangles, const Limits &l
         micromap.flags |= kLossy;
     }
     if (chance(random, 25))
-        micromap.triangleStride = 8 + 4 * below(random, 7);
+        micromap.triangleStride = randomTriangleStride(random, limits.oddStrides);
     micromap.usagePointers = chance(random, 30);
     return micromap;
 }
@@ -308,6 +308,11 @@ Object randomObject(Random &random, Scene &scene, const Limits &limits)
 }
 
 } // namespace
+
+uint32_t randomTriangleStride(Random &random, bool odd)
+{
+    return odd ? 8 + below(random, 28) : 8 + 4 * below(random, 7);
+}
 
 MicromapTriangle randomTriangle(Random &random, uint32_t maxLevel)
 {

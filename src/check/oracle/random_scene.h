@@ -19,6 +19,7 @@ struct Limits {
     uint32_t rays = 640;
     bool byteIndices = false; // VK_INDEX_TYPE_UINT8 for micromaps
     bool lossy = false;       // some micromaps are built with kLossy
+    bool oddStrides = false;  // triangleArrayStride need not be a multiple of 4 (VK_EXT_opacity_micromap)
     uint32_t objects = 5;     // at most
     uint32_t meshes = 3;      // of an object, at most
     uint32_t instances = 10;  // at most
@@ -31,6 +32,8 @@ struct Limits {
 };
 
 Scene randomScene(Random &random, const Limits &limits);
+// A triangleArrayStride of at least 8.
+uint32_t randomTriangleStride(Random &random, bool odd);
 // The parts of that.
 MicromapTriangle randomTriangle(Random &random, uint32_t maxLevel);
 // The use of a micromap of the scene, which must not be empty, or a null one, by a mesh of that many triangles.

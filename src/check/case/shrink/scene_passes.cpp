@@ -422,6 +422,7 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.trace.mode = TracePlan::Mode::True; },
         [](Case &c) { c.trace.besideBuild = false; },
         [](Case &c) { c.trace.boundFirst = false; },
+        [](Case &c) { c.trace.maintenance6 = false; },
         [](Case &c) { c.trace.query = TracePlan::Query::Plain; },
         [](Case &c) { c.trace.shaderObjects = false; },
         [](Case &c) { c.trace.otherEntry = OtherEntry::None; },
