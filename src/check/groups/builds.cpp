@@ -212,7 +212,7 @@ constexpr std::array kBuildsGroups{
         "builds",
         "several micromaps and structures of all kinds by one command, in secondary command buffers, submitted twice; "
         "indirect builds, arrays of pointers, usage counts by pointers, of 0, repeated and in any order, strides of "
-        "triangle arrays, data with gaps and overlaps",
+        "triangle arrays, with VK_EXT_opacity_micromap of any number of bytes; data with gaps and overlaps",
         "vkCmdBuildAccelerationStructuresKHR, vkCmdBuildAccelerationStructuresIndirectKHR, vkCmdBuildMicromapsEXT; "
         "ppUsageCounts; triangleArrayStride; arrayOfPointers; \"Multiple elements with the same format and "
         "subdivisionLevel are allowed\"; VkMicromapTriangleKHR: dataOffset \"is a byte aligned value\"",
@@ -239,9 +239,13 @@ constexpr std::array kBuildsGroups{
     Group{"generic", "GENERIC structures that reach to the end of their buffer, beyond what is built in them",
           "VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR; VkAccelerationStructureCreateInfoKHR: size", 150,
           runGroup<generic>, 120},
-    Group{"state", "what is bound before a build is still there after it; builds within conditional rendering",
+    Group{"state",
+          "what is bound before a build is still there after it, also by the commands of VK_KHR_maintenance6; builds "
+          "within conditional rendering, and dispatches after them that it discards",
           "Command Buffer State: build and copy commands change no bound pipeline, descriptor set or push constants; "
-          "Conditional Rendering: discards draws, dispatches and clears only",
+          "vkCmdBindDescriptorSets2, vkCmdPushConstants2; "
+          "Conditional Rendering: discards draws, dispatches and clears only, \"Other rendering commands remain "
+          "unaffected\", and is \"active\" until vkCmdEndConditionalRenderingEXT",
           120, runGroup<state>, 50},
     Group{"threads", "builds recorded on several threads and submitted to all queues; rays concurrent with a build",
           "Threading Behavior; Acceleration Structure Build Synchronization", 100, runGroup<threads>, 100},

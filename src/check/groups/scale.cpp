@@ -279,28 +279,23 @@ Case highestLevel(Random &random, uint16_t format, uint32_t level)
     return c;
 }
 
-// Steps on the only micromap or object of a case, which may be compacted.
-void setSteps(Case &c, std::initializer_list<Step::Kind> kinds)
-{
-    c.scene.micromaps[0].flags |= VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
-    for (const Step::Kind kind : kinds)
-        c.steps.push_back({.kind = kind});
-}
-
 // Micromaps of the highest level that are copied and serialized.
 Case highestCopied(Random &random, const DeviceLimits &limits)
 {
+    using Kind = Step::Kind;
     Case c = highestLevel(random, kFourState, limits.maxLevel4);
-    setSteps(c, {Step::Kind::CloneMicromap, Step::Kind::ReloadMicromap});
+    c.steps = {{.kind = Kind::CloneMicromap}, {.kind = Kind::ReloadMicromap}};
     return c;
 }
 
 Case highestCompacted(Random &random, const DeviceLimits &limits)
 {
+    using Kind = Step::Kind;
     Case c = highestLevel(random, kTwoState, limits.maxLevel2);
-    setSteps(c, {Step::Kind::ReloadMicromap, Step::Kind::CompactMicromap, Step::Kind::ReloadObject});
-    if (limits.api == Api::Khr && limits.has(Fault::LayerSerializedStructures))
-        c.steps.pop_back();
+    c.scene.micromaps[0].flags |= VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+    c.steps = {{.kind = Kind::ReloadMicromap}, {.kind = Kind::CompactMicromap}};
+    if (limits.api == Api::Ext || !limits.has(Fault::LayerSerializedStructures))
+        c.steps.push_back({.kind = Kind::ReloadObject});
     return c;
 }
 
@@ -316,13 +311,12 @@ Case highestOnHost(Random &random, const DeviceLimits &limits)
     return c;
 }
 
-// A lossy micromap whose triangles have equal states within each sub-triangle of 4^n, which is the least that a coarser
-// level can keep; but in each of three of these nodes, in another quarter of it, a few states are others. Rays meet
-// them. Where there are no lossy builds, an ordinary one.
+// Triangles of the highest levels, lossy where the device has that. Their micro-triangles have the same state within
+// each sub-triangle of level 7 (a node), so that a build can lose little by that level; but in three of the nodes, each
+// time in another quarter, a few have other states. Rays meet these, of which a lossy build must not overlook any.
 Case lossyNodes(Random &random, const DeviceLimits &limits)
 {
-    constexpr uint32_t kTriangles = 3, kRise = 7;
-    constexpr uint32_t kQuarters = 4, kNodes = 3;
+    constexpr uint32_t kTriangles = 3, kNodeLevel = 7, kMixedNodes = 3, kQuarters = 4;
     Case c{.scene = {.edge = 4e-6f}};
     c.scene.objects.resize(1);
     c.scene.instances = {instanceInPlace(random)};
@@ -332,31 +326,30 @@ Case lossyNodes(Random &random, const DeviceLimits &limits)
     oracle::SceneMicromap &micromap = c.scene.micromaps.emplace_back();
     const bool lossy = limits.api == Api::Khr;
     micromap.flags = lossy ? kLossy : 0;
-    const uint32_t highest = lossy ? limits.maxLossyLevel : limits.maxLevel4;
+    const uint32_t highest = lossy ? limits.maxLossyLevel : limits.maxLevel4; // at least kRequiredLevel
     for (uint32_t t = 0; t < kTriangles; ++t) {
-        const uint32_t level = highest - std::min(t, highest);
-        const uint32_t n = level > kRise ? level - kRise : std::min(level, 1u);
-        const uint32_t nodes = 1u << (2 * (level - n)), each = 1u << (2 * n);
+        const uint32_t level = highest - t, nodeLevel = std::min(kNodeLevel, level - 1);
+        const uint32_t nodes = 1u << (2 * nodeLevel), size = 1u << (2 * (level - nodeLevel));
         oracle::MicromapTriangle triangle{.level = level, .format = kFourState};
         for (uint32_t node = 0; node < nodes; ++node)
-            triangle.states.insert(triangle.states.end(), each, static_cast<uint8_t>(below(random, 4)));
+            triangle.states.insert(triangle.states.end(), size, static_cast<uint8_t>(below(random, 4)));
         const Vec3 place = placeInGrid(t);
-        const auto aim = [&](uint32_t number) {
+        const auto aimAtNumber = [&](uint32_t number) {
             Ray &ray = c.scene.rays.emplace_back(rayDown(random));
             const auto [u, v] = microTriangleCentre(number, level);
             ray.origin = {place[0] + static_cast<float>(u), place[1] + static_cast<float>(v), 3};
         };
         const uint32_t firstQuarter = below(random, kQuarters);
-        for (uint32_t i = 0; i < kNodes; ++i) {
-            const uint32_t node = below(random, nodes);
+        for (uint32_t i = 0; i < kMixedNodes; ++i) {
+            const uint32_t node = below(random, nodes) * size;
             const auto known = static_cast<uint8_t>(below(random, 2));
-            std::fill_n(triangle.states.begin() + node * each, each, known);
-            const uint32_t quarter = node * each + (firstQuarter + i) % kQuarters * (each / kQuarters);
+            std::fill_n(triangle.states.begin() + node, size, known);
+            const uint32_t quarter = node + (firstQuarter + i) % kQuarters * (size / kQuarters);
             for (uint32_t k = 1 + below(random, 3); k > 0; --k) {
-                const uint32_t other = quarter + below(random, std::max(each / kQuarters, 1u));
+                const uint32_t other = quarter + below(random, size / kQuarters);
                 triangle.states[other] = static_cast<uint8_t>((known + 1 + below(random, 3)) % 4);
-                aim(other);
-                aim(node * each + below(random, each));
+                aimAtNumber(other);
+                aimAtNumber(node + below(random, size));
             }
         }
         aimAt(random, c, place, level, 24);
@@ -367,7 +360,7 @@ Case lossyNodes(Random &random, const DeviceLimits &limits)
     return c;
 }
 
-// As above, by a ray tracing pipeline.
+// A case of another kind, by a ray tracing pipeline.
 template <MakeCase make>
 Case byPipeline(Random &random, const DeviceLimits &limits)
 {
