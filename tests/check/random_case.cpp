@@ -67,6 +67,8 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .besideBuild = yes(),
                .boundFirst = yes(),
                .maintenance6 = yes(),
+               .signedFlags = yes(),
+               .tablesInPlace = yes(),
                .dynamicStackSize = yes(),
                .from = static_cast<TracePlan::From>(below(random, 3)),
                .flags2 = yes(),
@@ -74,9 +76,13 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .launch = {.command = static_cast<Launch>(below(random, 3)), .height = 1 + below(random, 3)},
                .creation = below(random, 8),
                .withoutMicromaps = yes()};
-    if (c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && c.trace.flags == TracePlan::Flags::RunTime &&
-        !c.trace.byAddress)
-        c.trace.query = static_cast<TracePlan::Query>(below(random, 6));
+    if (c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && !c.trace.byAddress) {
+        c.trace.query = static_cast<TracePlan::Query>(below(random, 8));
+        c.trace.optimized =
+            c.trace.method == TracePlan::Method::Query && c.trace.flags == TracePlan::Flags::RunTime && yes();
+    }
+    if (c.trace.stage != VK_SHADER_STAGE_TASK_BIT_EXT)
+        c.trace.otherEntry = static_cast<OtherEntry>(below(random, 4));
     using oracle::HitRecord;
     const auto table = [&] {
         oracle::TablePlan made{.misses = 1 + below(random, 3),
