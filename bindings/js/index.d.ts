@@ -161,6 +161,8 @@ export interface BakeResult extends Micromap {
 export interface FileOptions {
   /** What messages call the file; default "input". */
   name?: string;
+  /** The files that it names, such as "textures/leaf.png", by path from its own folder, which is that of `name`. */
+  files?: Record<string, Uint8Array>;
 }
 
 export interface GltfBakeOptions extends FileOptions, QualityOptions, Callbacks {
@@ -189,6 +191,50 @@ export interface GltfBakeResult {
     /** Alpha-tested primitives without a micromap: `mesh 2 "leaves" primitive 0`, and why. */
     skipped: { name: string; reason: string }[];
   };
+}
+
+export type GltfSweepOptions = Omit<GltfBakeOptions, 'level' | 'format' | 'budget'>;
+
+/** A setting, and what a bake with it would be. */
+export interface SweepRow {
+  /** Of `vellum bake`: "--level 5 --states 2". */
+  options: string;
+  /** The same for bakeGltf(), to which the others of the sweep are added. */
+  bakeOptions: Pick<GltfBakeOptions, 'level' | 'format' | 'budget'>;
+  /** null: automatic. */
+  level: number | null;
+  states: 2 | 4;
+  budget: number | null;
+  /** Of micromaps, with 8 for each micromap triangle. */
+  bytes: number;
+  /** The bake would fail with VELLUM_ERROR_TOO_LARGE. */
+  tooLarge: boolean;
+  /** Share of the alpha-tested surface that is opaque or transparent, 0 to 1; and the share that is proven to be so. */
+  known: number;
+  proven: number;
+  /** Bytes for each percentage point that the row before does not know; null where there is none. */
+  bytesPerPercent: number | null;
+  /** Of 1,000 hits on the surface, those that run the alpha test. */
+  shaderCalls: number;
+  /** Triangles with data by level. */
+  levels: Record<string, number>;
+}
+
+export interface GltfSweep {
+  /** The file has micromaps, which a bake replaces. */
+  hadMicromaps: boolean;
+  /** Areas are those of the scene; otherwise all triangles count alike. */
+  measured: boolean;
+  /** Share of the alpha-tested surface, 0 to 1. */
+  withoutMicromap: number;
+  /** Primitives that a bake gives a micromap. */
+  primitives: (Place & { material: string; triangles: number })[];
+  /** Alpha-tested primitives without a micromap, and why; `code` is "reason" in the JSON of `vellum bake`. */
+  skipped: { name: string; material: string; code: string; reason: string }[];
+  /** Levels with 4 states, levels with 2, budgets. None if nothing is baked. */
+  rows: SweepRow[];
+  /** Into `rows`, and why. */
+  recommendation: { row: number; reason: string } | null;
 }
 
 /** meshes[mesh].primitives[primitive], and its name in messages. */
@@ -284,8 +330,10 @@ export interface Vellum {
   readonly memorySize: number;
   /** One micromap for the triangles of all inputs. */
   bake(inputs: BakeInput | BakeInput[], options?: BakeOptions): BakeResult;
-  /** Bakes the alpha-tested primitives of a .glb, or of a .gltf whose buffers and images are data URIs. */
+  /** Bakes the alpha-tested primitives of a .glb or .gltf. */
   bakeGltf(bytes: Uint8Array, options?: GltfBakeOptions): GltfBakeResult;
+  /** What bakes with many settings would be, as `vellum sweep` shows them. */
+  sweepGltf(bytes: Uint8Array, options?: GltfSweepOptions): GltfSweep;
   /** The micromaps of a file; an error if they break a rule. */
   readGltf(bytes: Uint8Array, options?: FileOptions): GltfMicromaps;
   /** What the micromaps of a file are, and every rule that they break. */

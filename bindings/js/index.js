@@ -76,9 +76,10 @@ const kOptions = [
 const kCallbacks = ['onProgress', 'cancelled', 'signal'];
 const kBakeNames = [...kOptions.map(([name]) => name), ...kCallbacks];
 const kGltfNames = [
-  'name', 'blend', 'blendCutoff', 'excludedMaterials', 'excludedMeshes',
+  'blend', 'blendCutoff', 'excludedMaterials', 'excludedMeshes',
   ...kBakeNames.filter((name) => name !== 'compareOp' && name !== 'disallowMixedSpecialIndices'),
 ];
+const kSweepNames = kGltfNames.filter((name) => name !== 'level' && name !== 'format' && name !== 'budget');
 const kInputNames = [
   'texture', 'textures', 'uvs', 'uvFormat', 'uvStride', 'uvTransform', 'indices', 'levels', 'formats', 'cutoff',
 ];
@@ -298,35 +299,62 @@ class Vellum {
   }
 
   #gltf(bytes, options, names, run) {
-    return this.#call(options, names, (call) => {
-      const { name = 'input' } = options;
-      if (typeof name !== 'string' || name === '' || name.includes('\0')) reject('name', name, 'a text that is not empty');
+    return this.#call(options, ['name', 'files', ...names], (call) => {
+      const { name = 'input', files = {} } = options;
+      for (const text of [name, ...Object.keys(known('files', files, Object.keys(files ?? {})))])
+        if (typeof text !== 'string' || text === '' || text.includes('\0')) reject('name', text, 'a text that is not empty');
       const file = bytesOf('bytes', bytes, [Uint8Array]);
-      return run(call, [call.put(file), file.length, call.putText(name)]);
+      const beside = call.module.createFiles();
+      try {
+        for (const [path, content] of Object.entries(files)) {
+          const its = bytesOf(`files["${path}"]`, content, [Uint8Array]);
+          call.module.addFile(beside, call.putText(path), call.put(its), its.length);
+        }
+        return run(call, [call.put(file), file.length, call.putText(name)]);
+      } finally {
+        call.module.destroyFiles(beside);
+      }
     });
+  }
+
+  // The arguments of a bake of a file.
+  #baking(call, options) {
+    const lists = ['excludedMaterials', 'excludedMeshes'].map((name) => {
+      const list = options[name] ?? [];
+      const texts = Array.isArray(list) && list.every((t) => typeof t === 'string' && !t.includes('\0'));
+      return texts ? list : reject(name, list, 'an array of texts');
+    });
+    const blend = checked('bit', 'blend', options.blend, false);
+    const blendCutoff = checked('real', 'blendCutoff', options.blendCutoff);
+    // Micromaps of a .gltf are always inside.
+    const flags = (blend || blendCutoff !== undefined ? 1 : 0) | 2 | (blendCutoff !== undefined ? 4 : 0);
+    const patterns = call.putText(lists.flat().join('\0'));
+    return [call.putNumbers(options), flags, blendCutoff ?? 0.5, patterns, lists[0].length, lists[1].length];
   }
 
   bakeGltf(bytes, options = {}) {
     return this.#gltf(bytes, options, kGltfNames, (call, file) => {
-      const lists = ['excludedMaterials', 'excludedMeshes'].map((name) => {
-        const list = options[name] ?? [];
-        const texts = Array.isArray(list) && list.every((t) => typeof t === 'string' && !t.includes('\0'));
-        return texts ? list : reject(name, list, 'an array of texts');
-      });
-      const blend = checked('bit', 'blend', options.blend, false);
-      const blendCutoff = checked('real', 'blendCutoff', options.blendCutoff);
-      // Micromaps of a .gltf are always inside.
-      const flags = (blend || blendCutoff !== undefined ? 1 : 0) | 2 | (blendCutoff !== undefined ? 4 : 0);
-      const numbers = call.putNumbers(options);
-      const patterns = call.putText(lists.flat().join('\0'));
-      const [{ output, ...report }, parts] = call.run(() =>
-        call.module.bakeGltf(...file, numbers, flags, blendCutoff ?? 0.5, patterns, lists[0].length, lists[1].length));
+      const baking = this.#baking(call, options);
+      const [{ output, ...report }, parts] = call.run(() => call.module.bakeGltf(...file, ...baking));
       return { bytes: parts[output], report };
     });
   }
 
+  sweepGltf(bytes, options = {}) {
+    return this.#gltf(bytes, options, kSweepNames, (call, file) => {
+      const baking = this.#baking(call, options);
+      const [swept] = call.run(() => call.module.sweepGltf(...file, ...baking));
+      const bakeOptions = ({ level, states, budget }) => ({
+        level: level ?? LEVEL_AUTOMATIC,
+        format: states === 2 ? MicromapFormat.TWO_STATE : MicromapFormat.FOUR_STATE,
+        ...(budget !== null && { budget }),
+      });
+      return { ...swept, rows: swept.rows.map((row) => ({ ...row, bakeOptions: bakeOptions(row) })) };
+    });
+  }
+
   readGltf(bytes, options = {}) {
-    return this.#gltf(bytes, options, ['name'], (call, file) => {
+    return this.#gltf(bytes, options, [], (call, file) => {
       const [read, parts] = call.run(() => call.module.readGltf(...file));
       return {
         extension: read.extension,
@@ -337,11 +365,16 @@ class Vellum {
   }
 
   inspectGltf(bytes, options = {}) {
-    return this.#gltf(bytes, options, ['name'], (call, file) => call.run(() => call.module.inspectGltf(...file))[0]);
+    return this.#gltf(bytes, options, [], (call, file) => call.run(() => call.module.inspectGltf(...file))[0]);
+  }
+
+  // The page of `vellum inspect`, of the module of vellum.html only.
+  inspectPage(bytes, options = {}) {
+    return this.#gltf(bytes, options, [], (call, file) => call.run(() => call.module.inspectPage(...file))[1][0]);
   }
 
   verifyGltf(bytes, options = {}) {
-    return this.#gltf(bytes, options, ['name', 'exact', ...kCallbacks], (call, file) => {
+    return this.#gltf(bytes, options, ['exact', ...kCallbacks], (call, file) => {
       const exact = checked('bit', 'exact', options.exact, false);
       return call.run(() => call.module.verifyGltf(...file, Number(exact)))[0];
     });

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import type {
   BakeInput, BakeOptions, BakeResult, Callbacks, FileOptions, GltfBakeOptions, GltfBakeResult, GltfInspection, GltfMicromaps,
-  GltfVerification, VellumError,
+  GltfSweep, GltfSweepOptions, GltfVerification, VellumError,
 } from './index.js';
 
 type InWorker<Options> = Omit<Options, 'cancelled'>;
@@ -11,10 +11,14 @@ type InWorker<Options> = Omit<Options, 'cancelled'>;
  * signal ends the worker and all its calls with VELLUM_CANCELLED; the next call starts another.
  */
 export declare class VellumWorker {
-  /** `source`: as load() takes it, if it can be sent to a worker. */
-  constructor(source?: string | BufferSource | WebAssembly.Module);
+  /**
+   * `source`: as load() takes it, if it can be sent to a worker. `make`: starts a worker of a browser that runs worker.js, for
+   * instance one whose code is in a Blob.
+   */
+  constructor(source?: string | BufferSource | WebAssembly.Module, options?: { make?: (options: WorkerOptions) => Worker });
   bake(inputs: BakeInput | BakeInput[], options?: InWorker<BakeOptions>): Promise<BakeResult>;
   bakeGltf(bytes: Uint8Array, options?: InWorker<GltfBakeOptions>): Promise<GltfBakeResult>;
+  sweepGltf(bytes: Uint8Array, options?: InWorker<GltfSweepOptions>): Promise<GltfSweep>;
   readGltf(bytes: Uint8Array, options?: FileOptions): Promise<GltfMicromaps>;
   inspectGltf(bytes: Uint8Array, options?: FileOptions): Promise<GltfInspection>;
   verifyGltf(bytes: Uint8Array, options?: InWorker<FileOptions & Callbacks & { exact?: boolean }>): Promise<GltfVerification>;

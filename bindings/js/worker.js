@@ -19,6 +19,7 @@ function serve(port) {
       const result = (await vellum)[method](...args, { ...options, ...(onProgress && { onProgress }) });
       port.postMessage({ id, result });
     } catch (error) {
+      if (!(error instanceof VellumError)) vellum = undefined; // a module that trapped is not used again
       port.postMessage({ id, error: { code: error.code, message: error.message, own: error instanceof VellumError } });
     }
   };
@@ -26,12 +27,14 @@ function serve(port) {
 
 export class VellumWorker {
   #source;
+  #make;
   #worker;
   #calls = new Map();
   #next = 0;
 
-  constructor(source) {
+  constructor(source, { make } = {}) {
     this.#source = source;
+    this.#make = make;
   }
 
   bake(inputs, options) {
@@ -42,12 +45,20 @@ export class VellumWorker {
     return this.#post('bakeGltf', [bytes], options);
   }
 
+  sweepGltf(bytes, options) {
+    return this.#post('sweepGltf', [bytes], options);
+  }
+
   readGltf(bytes, options) {
     return this.#post('readGltf', [bytes], options);
   }
 
   inspectGltf(bytes, options) {
     return this.#post('inspectGltf', [bytes], options);
+  }
+
+  inspectPage(bytes, options) {
+    return this.#post('inspectPage', [bytes], options);
   }
 
   verifyGltf(bytes, options) {
@@ -65,7 +76,9 @@ export class VellumWorker {
   #start() {
     const worker = inNode
       ? new threads.Worker(new URL('./worker.js', import.meta.url), { name: kName, workerData: kName })
-      : new Worker(new URL('./worker.js', import.meta.url), { type: 'module', name: kName }); // as bundlers know it
+      : this.#make
+        ? this.#make({ type: 'module', name: kName })
+        : new Worker(new URL('./worker.js', import.meta.url), { type: 'module', name: kName }); // as bundlers know it
     const receive = ({ id, result, error, done, total }) => {
       const call = this.#calls.get(id);
       if (done !== undefined) {
@@ -81,7 +94,7 @@ export class VellumWorker {
       call?.reject(error.own ? new VellumError(error.code, error.message) : new Error(error.message));
     };
     if (inNode) worker.on('message', receive).on('error', (error) => this.terminate(error));
-    else Object.assign(worker, { onmessage: ({ data }) => receive(data), onerror: (event) => this.terminate(new Error(event.message)) });
+    else Object.assign(worker, { onmessage: ({ data }) => receive(data), onerror: (event) => this.terminate(new Error(event.message || 'the worker cannot be started')) });
     return worker;
   }
 

@@ -8,11 +8,14 @@
 #include <cstdlib>
 #include <cstring>
 #include <memory>
+#ifndef __EMSCRIPTEN__ // which has no zlib: stb_image_write compresses
 #include <zlib.h>
+#endif
 
 #include "base/error.h"
 #include "base/text.h"
 
+#ifndef __EMSCRIPTEN__
 namespace
 {
 
@@ -32,6 +35,7 @@ unsigned char *compressed(const unsigned char *data, int bytes, int *resultBytes
 } // namespace
 
 #define STBIW_ZLIB_COMPRESS compressed
+#endif
 #define STB_IMAGE_WRITE_IMPLEMENTATION
 #define STB_IMAGE_WRITE_STATIC
 #define STBI_WRITE_NO_STDIO
@@ -53,11 +57,12 @@ void markAsOwn(std::vector<uint8_t> &file)
         return std::array{static_cast<uint8_t>(value >> 24), static_cast<uint8_t>(value >> 16),
                           static_cast<uint8_t>(value >> 8), static_cast<uint8_t>(value)};
     };
-    const auto *mark = reinterpret_cast<const uint8_t *>(kPngMark.data());
+    std::array<uint8_t, kPngMark.size()> mark{};
+    std::copy(kPngMark.begin(), kPngMark.end(), mark.begin());
     const auto length = word(kPngMark.size() - 4); // without the chunk's type
-    const auto sum = word(crc32(0, mark, static_cast<uInt>(kPngMark.size())));
+    const auto sum = word(stbiw__crc32(mark.data(), static_cast<int>(mark.size())));
     std::vector<uint8_t> chunk(length.begin(), length.end());
-    chunk.insert(chunk.end(), mark, mark + kPngMark.size());
+    chunk.insert(chunk.end(), mark.begin(), mark.end());
     chunk.insert(chunk.end(), sum.begin(), sum.end());
     file.insert(file.begin() + kAfterHeader, chunk.begin(), chunk.end());
 }
@@ -70,7 +75,7 @@ Picture sideBySide(const Picture &left, const Picture &right)
     for (size_t row = 0; row < both.height; ++row) {
         for (const Picture *part : {&left, &right}) {
             const auto first = part->pixels.begin() + static_cast<ptrdiff_t>(row * part->width);
-            both.pixels.insert(both.pixels.end(), first, first + part->width);
+            both.pixels.insert(both.pixels.end(), first, first + static_cast<ptrdiff_t>(part->width));
         }
     }
     return both;
@@ -120,6 +125,19 @@ std::vector<uint8_t> encodePng(const Picture &picture, Alpha alpha)
 std::string pngUri(const Picture &picture, Alpha alpha)
 {
     return "data:image/png;base64," + base64Encoded(encodePng(picture, alpha));
+}
+
+std::vector<uint8_t> deflated(std::span<const uint8_t> bytes)
+{
+    constexpr size_t kMostBytes = size_t{1} << 30;
+    std::vector<uint8_t> copy(bytes.begin(), bytes.end()); // stb's parameter is not const
+    int size = 0;
+    const std::unique_ptr<unsigned char, decltype(&std::free)> result(
+        copy.size() > kMostBytes ? nullptr : stbi_zlib_compress(copy.data(), static_cast<int>(copy.size()), &size, 6),
+        &std::free);
+    if (!result)
+        throw Error("data cannot be compressed: there is not enough memory");
+    return {result.get(), result.get() + size};
 }
 
 double textWidth(std::string_view text, uint32_t size)

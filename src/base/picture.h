@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -46,6 +47,10 @@ enum class Alpha {
 std::vector<uint8_t> encodePng(const Picture &picture, Alpha alpha = Alpha::Ignored);
 // "data:image/png;base64,...": the same as a URI.
 std::string pngUri(const Picture &picture, Alpha alpha = Alpha::Ignored);
+
+// A zlib stream (RFC 1950), which PNG files have and DecompressionStream("deflate") of browsers reads. At most 1 GiB.
+// Throws Error.
+std::vector<uint8_t> deflated(std::span<const uint8_t> bytes);
 
 // A line of text over a picture.
 struct Label {

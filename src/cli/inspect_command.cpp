@@ -263,6 +263,16 @@ void writePage(const InspectOptions &options, const std::string &page, std::opti
     writeData(*options.html, {reinterpret_cast<const uint8_t *>(page.data()), page.size()}, data);
 }
 
+inspect::InspectedFile inspectFile(const InspectOptions &options, const Document &document)
+{
+    if (!options.bake)
+        return inspect::inspectFile(document, options.selection, nullptr);
+    ProgressLine progress("baking");
+    DocumentBakeOptions baking = options.baking;
+    baking.bake.progress = [&](size_t done, size_t total) { progress.update(done, total); };
+    return inspect::inspectFile(document, options.selection, &baking);
+}
+
 int compareCommand(const InspectOptions &options, std::optional<DataOutput> &data)
 {
     UnmatchedExclusions exclusions(options.baking);
@@ -270,7 +280,7 @@ int compareCommand(const InspectOptions &options, std::optional<DataOutput> &dat
     for (const std::filesystem::path &path : {options.input, *options.second}) {
         const Document document = openDocument(path);
         exclusions.note(document);
-        files.push_back(inspect::inspectFile(document, options.selection, options.bake ? &options.baking : nullptr));
+        files.push_back(inspectFile(options, document));
         files.back().name = utf8Text(path); // both may have the same name in different folders
     }
     exclusions.print();
@@ -308,8 +318,7 @@ int inspectCommand(InspectOptions &options)
     UnmatchedExclusions exclusions(options.baking);
     exclusions.note(document);
     exclusions.print();
-    const inspect::InspectedFile file =
-        inspect::inspectFile(document, options.selection, options.bake ? &options.baking : nullptr);
+    const inspect::InspectedFile file = inspectFile(options, document);
     if (!options.json)
         printFile(file);
     if (options.picture) {

@@ -5,12 +5,13 @@
 #include <charconv>
 #include <limits>
 #include <map>
+#include <set>
 
 #include "base/error.h"
-#include "base/progress.h"
 #include "core/utf8_path.h"
 #include "gltf/alpha_textures.h"
-#include "gltf/micromaps/file_bake.h"
+#include "gltf/file/input_file.h"
+#include "gltf/file/uri.h"
 #include "inspect/report_parts.h"
 
 namespace vellum::inspect
@@ -105,8 +106,9 @@ public:
 
 private:
     void checkSelection() const;
-    void bakeAll(DocumentBakeOptions options);
+    void bakeAll(const DocumentBakeOptions &options);
     [[nodiscard]] std::string nothingMade() const;
+    [[nodiscard]] uint64_t bytesBeside() const;
     void measure();
     void addRecords();
     void addPrimitive(PrimitivePlace place, const PrimitiveMicromap &micromap);
@@ -140,11 +142,9 @@ void Inspector::checkSelection() const
     }
 }
 
-void Inspector::bakeAll(DocumentBakeOptions options)
+void Inspector::bakeAll(const DocumentBakeOptions &options)
 {
     file_.baked = true;
-    ProgressLine progress("baking");
-    options.bake.progress = [&](size_t done, size_t total) { progress.update(done, total); };
     DocumentBake bake = bakeDocument(document_, options);
     file_.skipped = std::move(bake.skipped);
     file_.stored = storedOf(std::move(bake));
@@ -155,6 +155,21 @@ std::string Inspector::nothingMade() const
     if (file_.skipped.empty())
         return "no alpha-masked primitive with texture coordinates is in it";
     return "no primitive gets a micromap: " + describe(file_.skipped.front());
+}
+
+// Of the files that it names, as far as they exist.
+uint64_t Inspector::bytesBeside() const
+{
+    std::set<std::filesystem::path> files;
+    for (const std::filesystem::path &name : namedFiles(document_.root()))
+        files.insert(document_.path().parent_path() / name.lexically_normal());
+    uint64_t bytes = 0;
+    for (const std::filesystem::path &file : files)
+        try {
+            bytes += InputFile(file).size();
+        } catch (const GltfError &) { // what needs it reports it
+        }
+    return bytes;
 }
 
 void Inspector::measure()
@@ -257,12 +272,7 @@ InspectedFile Inspector::inspect(const DocumentBakeOptions *bake)
 {
     const std::filesystem::path &path = document_.path();
     file_.name = utf8Text(path.filename());
-    file_.bytes = document_.bytes().size();
-    for (const std::filesystem::path &file : filesBeside(document_.root(), path, path).read) {
-        std::error_code unreadable;
-        const uintmax_t bytes = std::filesystem::file_size(file, unreadable);
-        file_.bytes += unreadable ? 0 : bytes;
-    }
+    file_.bytes = document_.bytes().size() + bytesBeside();
     checkSelection();
     file_.meshCount = document_.model().meshes.size();
     file_.primitiveCount = trianglePrimitives(document_).size();

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
-#include <fmt/format.h>
 #include <set>
 
 #include "base/json_writer.h"
@@ -129,7 +129,11 @@ std::string pageFacts(const Document &document, const InspectedFile &file, const
     json.beginObject();
     writeFile(file, json);
     writeTally(tallyOf(file), json);
-    json.list("stateColors", kStateColors, [&](uint32_t color) { json.value(fmt::format("#{:06x}", color)); });
+    json.list("stateColors", kStateColors, [&](uint32_t color) {
+        char text[8];
+        std::snprintf(text, sizeof text, "#%06x", color);
+        json.value(text);
+    });
     json.key("materials").beginArray();
     for (uint32_t m = 0; m < file.materials.size(); ++m)
         writeMaterial(file, m, data, limits, json);
@@ -191,8 +195,8 @@ std::string makePage(const Document &document, const InspectedFile &file, const 
             page += "<script type=\"text/plain\" id=\"numbers\">" + numbers + "</script>";
         else if (what == "script") {
             page += "<script>\n\"use strict\";\n(() => {\n";
-            for (const std::string_view script : {kPage_data_js, kPage_index_js, kPage_raster_js, kPage_viewer_js,
-                                                  kPage_charts_js, kPage_details_js, kPage_main_js})
+            for (const std::string_view script : {kPage_elements_js, kPage_data_js, kPage_index_js, kPage_raster_js,
+                                                  kPage_viewer_js, kPage_charts_js, kPage_details_js, kPage_main_js})
                 page.append(script);
             page += "})();\n</script>";
         }

@@ -2,14 +2,12 @@
 #include "inspect/page_data.h"
 
 #include <algorithm>
-#include <bit>
 #include <cstring>
 #include <map>
 #include <tuple>
 #include <unordered_map>
-#include <zlib.h>
 
-#include "base/error.h"
+#include "core/bit_cast.h"
 #include "core/hash.h"
 
 namespace vellum::inspect
@@ -139,8 +137,8 @@ void PageMaker::findTriangles()
             }
             ShapeKey key{.material = primitive.material, .record = useRecord(primitive.records[t])};
             for (size_t corner = 0; corner < 3; ++corner) {
-                key.uvs[2 * corner] = std::bit_cast<uint32_t>(primitive.uvs[t][corner].u);
-                key.uvs[2 * corner + 1] = std::bit_cast<uint32_t>(primitive.uvs[t][corner].v);
+                key.uvs[2 * corner] = bitCast<uint32_t>(primitive.uvs[t][corner].u);
+                key.uvs[2 * corner + 1] = bitCast<uint32_t>(primitive.uvs[t][corner].v);
             }
             const auto [shape, added] = shapes_.emplace(key, static_cast<uint32_t>(data_.shapes.size()));
             if (added) {
@@ -242,8 +240,8 @@ std::vector<uint8_t> PageData::bytes() const
     }
     for (const PageShape &shape : shapes) {
         for (const TexCoord &uv : shape.uvs) {
-            to.word(std::bit_cast<uint32_t>(uv.u));
-            to.word(std::bit_cast<uint32_t>(uv.v));
+            to.word(bitCast<uint32_t>(uv.u));
+            to.word(bitCast<uint32_t>(uv.v));
         }
         to.word(static_cast<uint32_t>(shape.record));
     }
@@ -255,16 +253,6 @@ std::vector<uint8_t> PageData::bytes() const
 PageData makePageData(const InspectedFile &file, const PageLimits &limits)
 {
     return PageMaker(file, limits).make();
-}
-
-std::vector<uint8_t> deflated(std::span<const uint8_t> bytes)
-{
-    uLongf size = compressBound(static_cast<uLong>(bytes.size()));
-    std::vector<uint8_t> result(size);
-    if (compress2(result.data(), &size, bytes.data(), static_cast<uLong>(bytes.size()), 6) != Z_OK)
-        throw Error("the data of the page cannot be compressed");
-    result.resize(size);
-    return result;
 }
 
 } // namespace vellum::inspect

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -53,8 +52,5 @@ struct PageData {
 };
 
 PageData makePageData(const InspectedFile &file, const PageLimits &limits);
-
-// A zlib stream (RFC 1950), which DecompressionStream("deflate") reads. Throws Error.
-std::vector<uint8_t> deflated(std::span<const uint8_t> bytes);
 
 } // namespace vellum::inspect

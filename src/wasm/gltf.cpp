@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// glTF files for JavaScript: bake, read, inspect, verify. A file is bytes in memory, called by a name.
+// glTF files for JavaScript: bake, sweep, read, inspect, verify. A file is bytes in memory, called by a name.
 #include "vellum/gltf.h"
 
 #include <array>
@@ -8,11 +8,16 @@
 #include <vector>
 
 #include "core/utf8_path.h"
+#include "gltf/file/system/memory_files.h"
+#include "gltf/micromaps/document_writer.h"
 #include "gltf/micromaps/state_counter.h"
 #include "gltf/micromaps/stored_micromaps.h"
+#include "gltf/micromaps/sweep.h"
 #include "library/call.h"
+#include "library/inputs.h"
 #include "verify/file.h"
 #include "wasm/exports.h"
+#include "wasm/file.h"
 #include "wasm/job.h"
 #include "wasm/result.h"
 #include "wasm/usages.h"
@@ -25,15 +30,6 @@ namespace
 
 using Words = Result::Words;
 
-// The bytes of a file, and its name.
-struct File {
-    const uint8_t *bytes;
-    size_t size;
-    const char *name;
-
-    [[nodiscard]] Document document() const { return {utf8Path(name), {bytes, bytes + size}}; }
-};
-
 // The strings that follow each other, each ended by a zero.
 std::vector<const char *> stringsOf(const char *first, size_t count)
 {
@@ -41,21 +37,6 @@ std::vector<const char *> stringsOf(const char *first, size_t count)
     for (; strings.size() < count; first += std::char_traits<char>::length(first) + 1)
         strings.push_back(first);
     return strings;
-}
-
-// Runs a function that throws what vellum/gltf.h reports.
-template <typename Function>
-const Words *run(Function &&function)
-{
-    auto result = std::make_unique<Result>();
-    const VellumResult code = library::guarded(keepMessage, result.get(), [&] {
-        try {
-            function(*result);
-        } catch (const GltfError &error) {
-            throw library::Failure(VELLUM_ERROR_FILE, error.what());
-        }
-    });
-    return finish(std::move(result), code);
 }
 
 void writePlace(JsonWriter &json, PrimitivePlace place, const std::string &name)
@@ -108,6 +89,31 @@ void inspect(const Document &document, Result &result)
         json.values("states", states).values("special", special).end();
     }
     result.text = json.end().end().text();
+}
+
+void sweep(const Document &document, const DocumentBakeOptions &options, Result &result)
+{
+    const DocumentOutlines outlines = sweepDocument(document, options);
+    const std::vector<SweepRow> rows = rowsOf({&outlines});
+    JsonWriter json(JsonStyle::Compact);
+    json.beginObject().member("hadMicromaps", hasMicromaps(document)).member("measured", outlines.measured);
+    json.member("withoutMicromap", outlines.withoutMicromap);
+    json.list("primitives", outlines.primitives, [&](const OutlinedPrimitive &primitive) {
+        json.beginObject();
+        writePlace(json, primitive.place, primitive.name);
+        json.member("material", primitive.material).member("triangles", primitive.triangles).end();
+    });
+    json.list("skipped", outlines.skipped, [&](const SkippedPrimitive &skipped) {
+        json.beginObject().member("name", skipped.name).member("material", skipped.material);
+        json.member("code", nameOf(skipped.code)).member("reason", skipped.reason).end();
+    });
+    json.list("rows", rows, [&](const SweepRow &row) { write(row, json); });
+    json.key("recommendation");
+    if (const auto recommendation = recommend(rows, ""))
+        json.beginObject().member("row", recommendation->row).member("reason", recommendation->reason).end();
+    else
+        json.null();
+    result.text = json.end().text();
 }
 
 constexpr std::array kKindNames = {"wrong", "outsideMargins", "needlesslyUnknown"};
@@ -233,6 +239,23 @@ void describe(const VellumGltfBakeInfo &info, Result &result)
 
 } // namespace
 
+// The files that calls may read until they are destroyed. Those that were created last count.
+VELLUM_EXPORT("createFiles") MemoryFiles *vellumCreateFilesOfCall()
+{
+    return new MemoryFiles;
+}
+
+VELLUM_EXPORT("addFile")
+void vellumAddFileOfCall(MemoryFiles *files, const char *path, const uint8_t *bytes, size_t size)
+{
+    files->add(utf8Path(path), {bytes, size});
+}
+
+VELLUM_EXPORT("destroyFiles") void vellumDestroyFilesOfCall(MemoryFiles *files)
+{
+    delete files;
+}
+
 // `patterns`: the excluded materials, then the excluded meshes.
 VELLUM_EXPORT("bakeGltf")
 const Words *vellumBakeGltfOfCall(const uint8_t *bytes, size_t size, const char *name, const double *numbers,
@@ -269,6 +292,27 @@ const Words *vellumBakeGltfOfCall(const uint8_t *bytes, size_t size, const char 
         describe(info, *result);
     }
     return finish(std::move(result), code);
+}
+
+// As bakeGltf. Level, format and budget do not count.
+VELLUM_EXPORT("sweepGltf")
+const Words *vellumSweepGltfOfCall(const uint8_t *bytes, size_t size, const char *name, const double *numbers,
+                                   uint32_t flags, float blendCutoff, const char *patterns, size_t materialCount,
+                                   size_t meshCount)
+{
+    return run([&](Result &result) {
+        const VellumBakeOptions given = optionsOf(numbers, result);
+        DocumentBakeOptions options;
+        options.bake = library::readOptions(given);
+        const library::Callbacks callbacks(given, options.bake);
+        options.blend = (flags & VELLUM_GLTF_BAKE_BLEND_BIT) != 0;
+        if ((flags & VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT) != 0)
+            options.blendCutoff = blendCutoff;
+        const std::vector<const char *> excluded = stringsOf(patterns, materialCount + meshCount);
+        options.excludedMaterials.assign(excluded.begin(), excluded.begin() + static_cast<ptrdiff_t>(materialCount));
+        options.excludedMeshes.assign(excluded.begin() + static_cast<ptrdiff_t>(materialCount), excluded.end());
+        sweep(File{bytes, size, name}.document(), options, result);
+    });
 }
 
 VELLUM_EXPORT("readGltf") const Words *vellumReadGltfOfCall(const uint8_t *bytes, size_t size, const char *name)

@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "base/json_writer.h"
+#include "base/picture.h"
 #include "base/text.h"
 #include "gltf/file/uri.h"
 #include "inspect/page_data.h"

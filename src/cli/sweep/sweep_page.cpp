@@ -180,16 +180,6 @@ std::string htmlTableOf(const Sweep &sweep)
 
 } // namespace
 
-std::string shortBytes(double bytes)
-{
-    for (const char *unit : {"", "K", "M"}) {
-        if (bytes < 1024)
-            return fmt::format("{:.0f}{}", bytes, unit);
-        bytes /= 1024;
-    }
-    return fmt::format("{:.0f}G", bytes);
-}
-
 std::string sweepChart(const Sweep &sweep)
 {
     return std::string(kSvgMark) + "\n" + Chart(sweep).draw();

@@ -103,6 +103,7 @@ private:
     std::span<const int32_t> takeResult(Source &source, const Micromap &micromap, std::span<const int32_t> indices);
     void bakeAll();
     [[nodiscard]] std::vector<SkippedPrimitive> takeSkipped();
+    [[nodiscard]] std::vector<OutlinedPrimitive> readablePrimitives() const;
     void numberMicromaps();
 
     const Document &document_;
@@ -629,6 +630,19 @@ std::vector<SkippedPrimitive> DocumentBaker::takeSkipped()
     return std::move(result_.skipped);
 }
 
+std::vector<OutlinedPrimitive> DocumentBaker::readablePrimitives() const
+{
+    std::vector<OutlinedPrimitive> readable;
+    for (const Source &source : sources_)
+        for (const uint32_t number : source.primitives)
+            if (const BakedPrimitive &primitive = result_.primitives[number]; !source.unreadable)
+                readable.push_back(
+                    {primitive.place, primitive.name, primitive.material, primitive.micromap.indices.size()});
+    std::sort(readable.begin(), readable.end(),
+              [](const OutlinedPrimitive &a, const OutlinedPrimitive &b) { return a.place < b.place; });
+    return readable;
+}
+
 DocumentOutlines DocumentBaker::outline(std::span<const std::optional<uint32_t>> levels,
                                         std::span<const uint64_t> budgets)
 {
@@ -637,6 +651,7 @@ DocumentOutlines DocumentBaker::outline(std::span<const std::optional<uint32_t>>
         readTexture(*source);
     DocumentOutlines result;
     result.skipped = takeSkipped();
+    result.primitives = readablePrimitives();
     if (!anyReadable(sources_))
         return result;
     measure();

@@ -115,8 +115,16 @@ struct DocumentOutline {
     double proven = 0;                 // less than that with 2 states: the rest of it is an approximation
 };
 
+struct OutlinedPrimitive {
+    PrimitivePlace place;
+    std::string name; // `mesh 2 "leaves" primitive 0`
+    std::string material;
+    size_t triangles = 0;
+};
+
 struct DocumentOutlines {
-    std::vector<DocumentOutline> outlines; // as outlineBakes() returns them; none where no primitive is baked
+    std::vector<DocumentOutline> outlines;     // as outlineBakes() returns them; none where no primitive is baked
+    std::vector<OutlinedPrimitive> primitives; // those that are baked, in the file's order
     std::vector<SkippedPrimitive> skipped;
     double withoutMicromap = 0; // share of the alpha-tested surface
     bool measured = true;       // false: without a scene to measure, all triangles that are baked count alike

@@ -161,6 +161,8 @@ async function start() {
     viewer.draw();
   });
   document.documentElement.dataset.ready = "true";
+  // In a frame, the page around it makes the frame as high as this one.
+  if (parent !== window) new ResizeObserver(() => parent.postMessage({ height: Math.ceil(document.body.getBoundingClientRect().height) }, "*")).observe(document.body);
 }
 
 start().catch((error) => {
