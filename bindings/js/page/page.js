@@ -7,8 +7,16 @@ const kNamed = ['.bin', '.png', '.jpg', '.jpeg', '.webp', '.avif', '.ktx2', '.dd
 const kMostBytes = 2 ** 31 - 1; // of all files together
 const suffixOf = (path) => /\.[^./]*$/.exec(path)?.[0].toLowerCase() ?? '';
 
-// All files below what was dropped, with their paths.
-async function filesOf(entry) {
+// All files in what was dropped, with their paths. Chromium gives a page that is a local file no files by the older interface of
+// entries, and other browsers have no handles.
+async function filesOfHandle(handle, path = handle.name) {
+  if (handle.kind === 'file') return [{ path, file: await handle.getFile() }];
+  const found = [];
+  for await (const child of handle.values()) found.push(...(await filesOfHandle(child, `${path}/${child.name}`)));
+  return found;
+}
+
+async function filesOfEntry(entry) {
   if (entry.isFile) {
     const file = await new Promise((resolve, reject) => entry.file(resolve, reject));
     return [{ path: entry.fullPath.replace(/^\//, ''), file }];
@@ -18,8 +26,12 @@ async function filesOf(entry) {
   while (true) {
     const some = await new Promise((resolve, reject) => reader.readEntries(resolve, reject));
     if (some.length === 0) return found; // it returns a hundred at a time
-    for (const each of some) found.push(...(await filesOf(each)));
+    for (const each of some) found.push(...(await filesOfEntry(each)));
   }
+}
+
+function filesOfItem(item) {
+  return item.getAsFileSystemHandle ? item.getAsFileSystemHandle().then((handle) => filesOfHandle(handle)) : filesOfEntry(item.webkitGetAsEntry());
 }
 
 function startPage() {
@@ -172,9 +184,9 @@ function startPage() {
     if (lines.length > most) list.append(element('li', {}, `and ${count(lines.length - most)} more`));
   }
 
-  function nameOf({ level, states, budget }) {
+  function nameOf({ level, budget }) {
     if (budget !== null) return `At most ${budget < 2 ** 20 ? `${budget / 2 ** 10} KiB` : `${budget / 2 ** 20} MiB`}`;
-    return `${level === null ? 'Automatic levels' : `Level ${level}`}${states === 2 ? ', 2 states' : ''}`;
+    return level === null ? 'Automatic levels' : `Level ${level}`;
   }
 
   function showRows() {
@@ -191,13 +203,18 @@ function startPage() {
       rows.forEach((each, number) => {
         if (!isOf(each)) return;
         const input = element('input', { type: 'radio', name: 'setting', value: number, ...(number === chosen && { checked: '' }), ...(each.tooLarge && { disabled: '' }) });
-        const mark = number === recommendation?.row ? element('span', { class: 'mark' }, 'recommended') : '';
-        const bar = element('i');
-        bar.style.width = `${100 * each.known}%`;
+        const name = element('span', {}, nameOf(each));
+        if (each.states === 2) name.append(element('span', { class: 'hidden' }, ', 2 states'));
+        if (number === recommendation?.row) name.append(' ', element('span', { class: 'mark' }, 'recommended'));
+        const bar = [each.proven, each.known - each.proven].map((share) => {
+          const made = element('i');
+          made.style.width = `${100 * share}%`;
+          return made;
+        });
         const levels = Object.keys(each.levels);
         const made = row(
-          cell(element('label', {}, input, nameOf(each), mark)), cell(each.tooLarge ? 'too large' : count(each.bytes), true), cell(percent(each.known), true),
-          element('td', { class: 'bar-cell' }, element('div', { class: 'bar', 'aria-hidden': 'true' }, bar)),
+          cell(element('label', {}, input, name)), cell(each.tooLarge ? 'too large' : count(each.bytes), true), cell(percent(each.known), true),
+          element('td', { class: 'bar-cell' }, element('div', { class: 'bar', 'aria-hidden': 'true' }, ...bar)),
           cell(each.states === 2 ? percent(each.known - each.proven) : '–', true),
           cell(levels.length > 1 ? `${levels[0]}–${levels.at(-1)}` : (levels[0] ?? '–'), true));
         made.addEventListener('click', () => !input.disabled && !input.checked && input.click());
@@ -277,9 +294,9 @@ function startPage() {
     document.addEventListener('drop', async (event) => {
       event.preventDefault();
       over(false);
-      const entries = [...event.dataTransfer.items].map((item) => item.webkitGetAsEntry?.()).filter(Boolean);
+      const dropped = [...event.dataTransfer.items].filter(({ kind }) => kind === 'file').map(filesOfItem);
       try {
-        take((await Promise.all(entries.map(filesOf))).flat());
+        take((await Promise.all(dropped)).flat());
       } catch (error) {
         complain(`What was dropped cannot be read: ${error.message}`);
       }
