@@ -98,6 +98,31 @@ test('baked files have the bytes of the native command', { skip: !command && 'VE
     }
 });
 
+test('a sweep has the rows of the native command', { skip: !command && 'VELLUM_COMMAND' }, () => {
+  for (const model of models)
+    for (const [options, flags] of [[{}, []], [{ maxLevel: 4, minKnown: 0.3, blend: true }, ['--max-level', '4', '--min-known', '0.3', '--blend']]]) {
+      const native = JSON.parse(execFileSync(command, ['sweep', '--json', model, ...flags], { encoding: 'utf8', stdio: 'pipe' }));
+      const swept = vellum.sweepGltf(bytesOf(model), options);
+      assert(swept.rows.length > 10);
+      assert.deepEqual(swept.rows.map(({ bakeOptions, ...row }) => row), native.rows);
+      const { row, reason } = swept.recommendation;
+      assert.equal(reason, native.recommendation.reason);
+      assert(native.recommendation.options.startsWith(swept.rows[row].options));
+      const { report } = vellum.bakeGltf(bytesOf(model), { ...options, ...swept.rows[row].bakeOptions });
+      assert.equal(report.micromapSize, swept.rows[row].bytes);
+      assert.equal(report.primitiveCount, swept.primitives.length);
+    }
+  const baked = vellum.bakeGltf(bytesOf(tree)).bytes;
+  assert.equal(vellum.sweepGltf(bytesOf(tree)).hadMicromaps, false);
+  assert.equal(vellum.sweepGltf(baked).hadMicromaps, true);
+  const none = vellum.sweepGltf(bytesOf(tree), { excludedMeshes: ['tree'] });
+  assert.deepEqual([none.rows, none.recommendation, none.primitives], [[], null, []]);
+  assert.equal(none.skipped[0].code, 'excluded');
+  assert.throws(() => vellum.sweepGltf(baked, { level: 3 }), fails('VELLUM_ERROR_INVALID_ARGUMENT', /no member "level"/));
+  assert.throws(() => vellum.sweepGltf(baked, { maxLevel: 13 }), fails('VELLUM_ERROR_INVALID_ARGUMENT', /maxLevel/));
+  assert.throws(() => vellum.sweepGltf(baked, { cancelled: () => true }), fails('VELLUM_CANCELLED', /cancel/));
+});
+
 test('a baked file is read, inspected and verified', () => {
   const { bytes, report } = vellum.bakeGltf(bytesOf(tree));
   assert.deepEqual(report.skipped, []);
@@ -137,6 +162,25 @@ test('a .gltf gets its micromaps in a data URI', () => {
   const { bytes } = vellum.bakeGltf(encode(document));
   const baked = vellum.readGltf(bytes);
   assert.deepEqual(baked.micromaps, vellum.readGltf(vellum.bakeGltf(glb).bytes).micromaps);
+  // Files beside it.
+  document.buffers[0].uri = 'da%20ta/tree.bin';
+  const beside = encode(document);
+  const files = { 'da ta/tree.bin': glb.subarray(28 + size) };
+  assert.deepEqual(vellum.readGltf(vellum.bakeGltf(beside, { files }).bytes, { files }).micromaps, baked.micromaps);
+  assert.deepEqual(vellum.sweepGltf(beside, { files }), vellum.sweepGltf(glb));
+  assert.equal(vellum.verifyGltf(vellum.bakeGltf(beside, { files }).bytes, { files }).counts.wrong, 0);
+  for (const [wrong, code, message] of [
+    [{}, 'FILE', /tree\.bin\): no such file/],
+    [{ '../tree.bin': files['da ta/tree.bin'] }, 'FILE', /no such file/],
+    [{ 'da ta/tree.bin': glb.subarray(0, 100) }, 'FILE', /buffer 0/],
+    [{ 'da ta/tree.bin': 'text' }, 'INVALID_ARGUMENT', /files\["da ta\/tree\.bin"\] is .*not Uint8Array/],
+    [[], 'FILE', /no such file/],
+    [null, 'INVALID_ARGUMENT', /files is null/],
+    [{ '': glb }, 'INVALID_ARGUMENT', /name is/],
+  ])
+    assert.throws(() => vellum.bakeGltf(beside, { files: wrong }), fails(`VELLUM_ERROR_${code}`, message));
+  document.buffers[0].uri = '../tree.bin';
+  assert.throws(() => vellum.bakeGltf(encode(document), { files: { '../tree.bin': glb } }), fails('VELLUM_ERROR_FILE', /leads out/));
   document.buffers[0].uri = 'elsewhere.bin';
   assert.throws(() => vellum.bakeGltf(encode(document), { name: 'tree.gltf' }), fails('VELLUM_ERROR_FILE', /tree\.gltf: .*elsewhere\.bin/));
 });
@@ -155,7 +199,7 @@ test('damaged files are errors, whatever the damage', () => {
     const lengths = new Set([0, 1, 3, 4, 11, 12, 19, 20, 21, glb.length - 1]);
     for (let i = 0; i < 200; ++i) lengths.add(Math.floor((glb.length * i) / 200));
     for (const length of lengths)
-      for (const method of ['bakeGltf', 'readGltf', 'inspectGltf', 'verifyGltf'])
+      for (const method of ['bakeGltf', 'sweepGltf', 'readGltf', 'inspectGltf', 'verifyGltf'])
         assert.throws(() => vellum[method](glb.subarray(0, length)), fails('VELLUM_ERROR_FILE', /^input: /));
   }
   let random = 1;
@@ -164,9 +208,9 @@ test('damaged files are errors, whatever the damage', () => {
   for (let i = 0; i < 400; ++i) {
     const damaged = baked.slice();
     for (let k = next(8); k >= 0; --k) damaged[next(i % 2 ? damaged.length : 4000)] = next(256);
-    for (const method of ['bakeGltf', 'readGltf', 'inspectGltf', 'verifyGltf'])
+    for (const method of ['bakeGltf', 'sweepGltf', 'readGltf', 'inspectGltf', 'verifyGltf'])
       try {
-        vellum[method](damaged, method === 'bakeGltf' ? { level: 1 } : {});
+        vellum[method](damaged, method === 'bakeGltf' ? { level: 1 } : method === 'sweepGltf' ? { maxLevel: 1 } : {});
       } catch (error) {
         assert(error instanceof VellumError, `${method} ${i}: ${error.stack}`);
         ++rejected;
@@ -286,6 +330,7 @@ test('the worker', async () => {
   await assert.rejects(worker.bake(card(), { onProgress: null }), fails('VELLUM_ERROR_INVALID_ARGUMENT', /onProgress/));
   const { bytes } = await worker.bakeGltf(bytesOf(tree));
   assert.deepEqual(bytes, vellum.bakeGltf(bytesOf(tree)).bytes);
+  assert.deepEqual(await worker.sweepGltf(bytes, { maxLevel: 3 }), vellum.sweepGltf(bytes, { maxLevel: 3 }));
   worker.terminate();
 });
 
