@@ -79,7 +79,7 @@ function startPage() {
     say(doing);
     try {
       await work({ signal, onProgress });
-      return true;
+      return own === running;
     } catch (error) {
       if (own !== running) return false; // something else began
       if (signal.aborted) say('Cancelled.');
@@ -95,7 +95,7 @@ function startPage() {
   }
 
   function messageOf(error) {
-    if (error.code === 'VELLUM_ERROR_OUT_OF_MEMORY') return `${model?.name ?? 'The file'} needs more memory than a page can have (4 GiB): use the command, vellum bake.`;
+    if (error.code === 'VELLUM_ERROR_OUT_OF_MEMORY' || /allocation failed|out of memory/i.test(error.message)) return `${model?.name ?? 'The file'} needs more memory than a page can have (4 GiB): use the command, vellum bake.`;
     if (error.code === 'VELLUM_ERROR_FILE' && /no such file$/.test(error.message))
       return `${error.message}. Drop the .gltf together with the files that it names, or their folder.`;
     return error.message;
@@ -110,7 +110,7 @@ function startPage() {
     running?.abort();
     hide('settings', 'result');
     if (models.length === 0) return complain(`${files.length === 1 ? `${files[0].path} is no glTF file` : 'None of these files is a glTF file'}: its name would end with .glb or .gltf.`);
-    const choices = models.map((each) => {
+    const choices = models.slice(0, 100).map((each) => {
       const button = element('button', { type: 'button' }, each.path);
       button.addEventListener('click', () => open(each, files));
       return button;
@@ -123,8 +123,8 @@ function startPage() {
     const beside = files.filter(({ path }) => path.startsWith(folder) && kNamed.includes(suffixOf(path)));
     worker.terminate(); // with its memory
     hide('settings', 'result');
-    model = undefined;
-    const read = await run(`Reading ${chosen.path}`, async () => {
+    model = sweep = undefined;
+    const read = await run(`Reading ${chosen.path}`, async ({ signal }) => {
       const total = [chosen, ...beside].reduce((sum, { file }) => sum + file.size, 0);
       if (total > kMostBytes) throw new Error(`${chosen.path} has ${size(total)}, and this page takes 2 GiB: use the command, vellum bake.`);
       const bytesOf = async ({ path, file }) => {
@@ -136,22 +136,30 @@ function startPage() {
       };
       const contents = {};
       for (const each of beside) contents[each.path.slice(folder.length)] = await bytesOf(each);
-      model = { name: chosen.path.slice(folder.length), bytes: await bytesOf(chosen), files: contents };
+      const bytes = await bytesOf(chosen);
+      signal.throwIfAborted();
+      model = { name: chosen.path.slice(folder.length), bytes, files: contents };
     });
     if (read) await compare();
   }
 
   // --- settings ---
 
-  const options = () => ({ name: model.name, files: model.files, maxLevel: Number(at('max-level').value), blend: at('blend').checked });
+  // Of the sweep and of the bakes with its rows.
+  const options = () => ({ maxLevel: Number(at('max-level').value), blend: at('blend').checked });
+  const files = () => ({ name: model.name, files: model.files });
   const chosenRow = () => sweep.rows[Number(document.querySelector('#sweep :checked').value)];
 
   async function compare() {
     hide('result');
+    const given = options();
     const compared = await run(`Comparing settings for ${model.name}`, async (callbacks) => {
-      sweep = await worker.sweepGltf(model.bytes, { ...options(), ...callbacks });
+      sweep = { ...(await worker.sweepGltf(model.bytes, { ...files(), ...given, ...callbacks })), given };
     });
-    if (!compared) return;
+    if (!compared) {
+      if (sweep && !running) [at('max-level').value, at('blend').checked] = [sweep.given.maxLevel, sweep.given.blend]; // what is shown
+      return;
+    }
     showParts();
     at('sweep').replaceChildren();
     const any = sweep.rows.length > 0;
@@ -227,7 +235,7 @@ function startPage() {
   }
 
   function showCommand() {
-    const { maxLevel, blend } = options();
+    const { maxLevel, blend } = sweep.given;
     const name = /^[\w./-]+$/.test(model.name) ? model.name : `'${model.name.replaceAll("'", "'\\''")}'`;
     at('command').textContent = `vellum bake ${name} ${chosenRow().options}${maxLevel === 8 ? '' : ` --max-level ${maxLevel}`}${blend ? ' --blend' : ''}`;
   }
@@ -239,7 +247,7 @@ function startPage() {
     const chosen = chosenRow();
     const name = model.name.replace(/\.[^.]*$/, (suffix) => `.omm${suffix}`);
     const done = await run(`Baking ${model.name}`, async (callbacks) => {
-      const { bytes, report } = await worker.bakeGltf(model.bytes, { ...options(), ...chosen.bakeOptions, ...callbacks });
+      const { bytes, report } = await worker.bakeGltf(model.bytes, { ...files(), ...sweep.given, ...chosen.bakeOptions, ...callbacks });
       at('made').textContent = `${plural(report.primitiveCount, 'primitive')} of ${model.name} got micromaps of ${count(report.micromapSize)} bytes, ` +
         `which know ${percent(chosen.known)} of the alpha-tested surface. The file has ${size(report.outputSize)}, and had ${size(report.inputSize)}.` +
         (suffixOf(name) === '.gltf' && Object.keys(model.files).length ? ' Put it beside the files that it names.' : '');
