@@ -12,10 +12,12 @@ type InWorker<Options> = Omit<Options, 'cancelled'>;
  */
 export declare class VellumWorker {
   /**
-   * `source`: as load() takes it, if it can be sent to a worker. `make`: starts a worker of a browser that runs worker.js, for
-   * instance one whose code is in a Blob.
+   * `source`: as load() takes it, if it can be sent to a worker. `make`: starts the Worker of a browser with these options, where
+   * the code of worker.js is elsewhere, for instance in a Blob.
    */
-  constructor(source?: string | BufferSource | WebAssembly.Module, options?: { make?: (options: WorkerOptions) => Worker });
+  constructor(
+    source?: string | BufferSource | WebAssembly.Module,
+    options?: { make?: (options: { type: 'module'; name: string }) => { postMessage(message: unknown): void; terminate(): void } });
   bake(inputs: BakeInput | BakeInput[], options?: InWorker<BakeOptions>): Promise<BakeResult>;
   bakeGltf(bytes: Uint8Array, options?: InWorker<GltfBakeOptions>): Promise<GltfBakeResult>;
   sweepGltf(bytes: Uint8Array, options?: InWorker<GltfSweepOptions>): Promise<GltfSweep>;

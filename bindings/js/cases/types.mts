@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the declarations must accept, and must not: compiled by tsc in gltf-transform.test.js.
 import { NodeIO, type Transform } from '@gltf-transform/core';
-import { AddressMode, VellumError, load, type BakeResult, type GltfVerification, type Vellum } from 'vellum-omm';
+import { AddressMode, VellumError, load, type BakeResult, type GltfSweep, type GltfVerification, type Vellum } from 'vellum-omm';
 import { EXTMeshOpacityMicromap, micromapConfig, omm, type OpacityMicromap, type PrimitiveMicromap } from 'vellum-omm/gltf-transform';
 import { VellumWorker } from 'vellum-omm/worker';
 import sharp from 'sharp';
@@ -13,6 +13,11 @@ const result: BakeResult = vellum.bake(
 console.log(result.geometries[0].indices, result.usages[0].count);
 const verified: GltfVerification = vellum.verifyGltf(vellum.bakeGltf(new Uint8Array(), { blend: true, name: 'x' }).bytes, { exact: true });
 console.log(verified.counts.twoState.mixed);
+const { rows, recommendation }: GltfSweep = vellum.sweepGltf(new Uint8Array(), { maxLevel: 6, files: { 'leaf.png': new Uint8Array() } });
+vellum.bakeGltf(new Uint8Array(), { ...rows[recommendation?.row ?? 0].bakeOptions, maxLevel: 6 });
+// @ts-expect-error: a sweep has all levels.
+vellum.sweepGltf(new Uint8Array(), { level: 1 });
+console.log(new VellumWorker(undefined, { make: (options) => new Worker('code', options) }));
 const worker = new VellumWorker();
 const read = await worker.readGltf(new Uint8Array());
 console.log(read.primitives[0].name);
