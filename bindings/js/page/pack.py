@@ -17,6 +17,10 @@ def text_of(*paths):
     return "".join(path.read_text(encoding="utf-8") for path in paths)
 
 
+def base64_of(path):
+    return base64.b64encode(pathlib.Path(path).read_bytes()).decode()
+
+
 def main():
     module, version, out = sys.argv[1:]
     # The page and its worker run the same code. It is a classic script, because browsers run no module from a Blob in a worker if
@@ -29,7 +33,7 @@ def main():
     parts = {
         "<!--@version-->": version,
         "<!--@style-->": f"<style>\n{text_of(INSPECT / 'style.css', HERE / 'style.css')}</style>",
-        "<!--@module-->": f'<script type="text/plain" id="module">{base64.b64encode(pathlib.Path(module).read_bytes()).decode()}</script>',
+        "<!--@module-->": f'<script type="text/plain" id="module">{base64_of(module)}</script>',
         "<!--@code-->": f'<script id="code">\n"use strict";\n(async () => {{\n{code}}})();\n</script>',
     }
     page = text_of(HERE / "page.html")

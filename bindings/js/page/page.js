@@ -41,7 +41,7 @@ function startPage() {
   let running; // the AbortController of what runs
   let model; // { name, bytes, files }
   let sweep;
-  let urls = {}; // of blobs, by the element that has it
+  const urls = {}; // of blobs, by the element that has it
 
   // --- what is shown ---
 
@@ -271,12 +271,14 @@ function startPage() {
 
   async function inspect(bytes, name, { signal }) {
     at('doing').textContent = `Drawing ${name}`;
+    hide('inspect', 'save');
+    at('result').hidden = false; // what was baked can be downloaded, whatever becomes of the picture
+    at('result-title').focus();
     const html = new Blob([await worker.inspectPage(bytes, { name, files: model.files, signal })], { type: 'text/html' });
     setUrl('save', 'href', html);
     at('save').download = `${name.replace(/\.[^.]*$/, '')}.html`;
-    at('result').hidden = false;
+    at('inspect').hidden = at('save').hidden = false;
     setUrl('inspect', 'src', html);
-    at('result-title').focus();
   }
 
   // --- events ---
@@ -316,10 +318,10 @@ function startPage() {
 
   async function start() {
     for (let level = 1; level <= 12; ++level) at('max-level').append(element('option', level === 8 ? { selected: '' } : {}, `${level}`));
-    listen();
     const module = await WebAssembly.compile(Uint8Array.from(atob(textOf('module')), (c) => c.charCodeAt(0)));
     const code = URL.createObjectURL(new Blob([textOf('code')], { type: 'text/javascript' }));
     worker = new VellumWorker(module, { make: ({ name }) => new Worker(code, { name }) });
+    listen();
     document.documentElement.dataset.ready = 'true';
   }
 

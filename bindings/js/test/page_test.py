@@ -393,6 +393,16 @@ class PageTest(unittest.TestCase):
         self.browser.choose(self.tree)
         self.check_bake(self.tree)
 
+    def test_a_cancelled_picture_leaves_the_result(self):
+        self.browser.choose(self.tree)
+        self.value("""new MutationObserver(() => document.getElementById("doing").textContent.startsWith("Drawing") &&
+            document.getElementById("cancel").click()).observe(document.getElementById("doing"), { childList: true })""")
+        self.browser.click("bake")
+        self.assertEqual(self.browser.text("status"), "Cancelled.")
+        shown = [self.browser.shown(name) for name in ("result", "download", "inspect", "save")]
+        self.assertEqual(shown, [True, True, False, False])
+        self.assertEqual(self.browser.download("download").read_bytes(), vellum("bake", self.tree, "-", "-q", *self.command()))
+
     def test_keyboard(self):
         self.browser.choose(self.tree)
         self.value("document.activeElement.blur()")
@@ -400,8 +410,9 @@ class PageTest(unittest.TestCase):
         for _ in range(12):
             self.browser.key("Tab", 9)
             reached.append(self.value("(() => { const e = document.activeElement; return e.id || e.name || e.tagName; })()"))
-            outline = self.value("(() => { let e = document.activeElement;"
-                                 "if (e.parentElement.matches('.button')) e = e.parentElement; return getComputedStyle(e).outlineStyle; })()")
+            outline = self.value("""(() => { let e = document.activeElement;
+                if (e.parentElement.matches('.button')) e = e.parentElement;
+                return getComputedStyle(e).outlineStyle; })()""")
             self.assertNotEqual(outline, "none", reached)
             if reached[-1] == "bake":
                 break
