@@ -19,7 +19,7 @@ class Browser:
     """One page. What it logs, throws and requests of the network is kept in `console` and `requests`."""
 
     def __init__(self, program, width=1280, height=900):
-        self.folder = tempfile.TemporaryDirectory()
+        self.folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         self.console, self.requests = [], []
         self.number, self.pending = 0, b""
         to_browser, self.to = os.pipe()
@@ -58,7 +58,7 @@ class Browser:
             self.process.wait()
         os.close(self.to)
         os.close(self.from_browser)
-        shutil.rmtree(self.folder.name, ignore_errors=True)
+        self.folder.cleanup()
 
     def receive(self, timeout):
         """The next message; events are kept."""

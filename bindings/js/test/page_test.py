@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Uses vellum.html in Chromium as people do, and compares what it shows and makes with the command. Ends with 77 where there is no
-Chromium.
+"""Uses vellum.html in Chromium as people do, and compares what it shows and makes with the command; then the npm package, which is
+beside it in the folder `package`. Ends with 77 where there is no Chromium.
 
 usage: page_test.py vellum.html VELLUM [--picture FILE] [NAME OF A TEST]...
        page_test.py vellum.html --bake IN.glb OUT.glb    no tests: a bake with automatic levels
@@ -9,16 +9,21 @@ usage: page_test.py vellum.html VELLUM [--picture FILE] [NAME OF A TEST]...
   VELLUM_MODELS    a folder of .glb files that are baked as well
 """
 import base64
+import functools
+import hashlib
+import http.server
 import json
 import os
 import pathlib
 import random
 import re
 import shlex
+import shutil
 import struct
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import unittest
 import zlib
@@ -92,6 +97,11 @@ def content(page):
                 each[key] = zlib.crc32(pixels(each[key]))
     rest = re.sub(r'id="(facts|numbers)">.*?</script>', "", text, flags=re.S)
     return facts, zlib.decompress(base64.b64decode(numbers)), rest
+
+
+class QuietHandler(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *_):
+        pass
 
 
 class Page(Browser):
@@ -459,6 +469,48 @@ class PageTest(unittest.TestCase):
         self.browser.resize(1100, 1250)
         self.browser.choose(self.tree)
         self.browser.screenshot(PICTURE)
+
+
+class PackageTest(unittest.TestCase):
+    """The npm package as a browser loads it from a server, without a bundler."""
+
+    def test_modules_and_worker(self):
+        with tempfile.TemporaryDirectory() as name, Page(pathlib.Path(name)) as page:
+            folder = pathlib.Path(name)
+            for name_of_file in ("index.js", "worker.js", "vellum.wasm"):
+                shutil.copy(pathlib.Path(PAGE).resolve().parent / "package" / name_of_file, folder)
+            (folder / "tree.glb").write_bytes(leaves())
+            (folder / "page.html").write_text("<title>test</title><link rel=icon href=data:,>")
+            handler = functools.partial(QuietHandler, directory=name)
+            with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+                threading.Thread(target=server.serve_forever, daemon=True).start()
+                page.call("Page.navigate", url=f"http://127.0.0.1:{server.server_port}/page.html")
+                page.wait_for("document.title === 'test'")
+                found = page.evaluate("""(async () => {
+                    const { load, VellumError } = await import("/index.js");
+                    const { VellumWorker } = await import("/worker.js");
+                    const glb = new Uint8Array(await (await fetch("/tree.glb")).arrayBuffer());
+                    const text = (bytes) => [...new Uint8Array(bytes)].map((b) => b.toString(16).padStart(2, "0")).join("");
+                    const digest = async (bytes) => text(await crypto.subtle.digest("SHA-256", bytes));
+                    const vellum = await load();
+                    const worker = new VellumWorker();
+                    let steps = 0;
+                    const made = await worker.bakeGltf(glb, { level: 4, onProgress: () => { ++steps; } });
+                    const codeOf = (promise) => promise.then(() => "none", (error) => error instanceof VellumError && error.code);
+                    const controller = new AbortController();
+                    const cancelled = worker.sweepGltf(glb, { maxLevel: 12, signal: controller.signal });
+                    controller.abort();
+                    const codes = [await codeOf(cancelled), await codeOf(worker.readGltf(glb.subarray(0, 100)))];
+                    const rows = (await worker.sweepGltf(glb)).rows.length;
+                    worker.terminate();
+                    const digests = [await digest(vellum.bakeGltf(glb, { level: 4 }).bytes), await digest(made.bytes)];
+                    return [...digests, steps > 0, codes, rows];
+                })()""")
+                server.shutdown()
+            expected = hashlib.sha256(vellum("bake", folder / "tree.glb", "-", "-q", "--level", "4")).hexdigest()
+            rows = json.loads(vellum("sweep", folder / "tree.glb", "--json"))["rows"]
+            self.assertEqual(found, [expected, expected, True, ["VELLUM_CANCELLED", "VELLUM_ERROR_FILE"], len(rows)])
+            self.assertEqual(page.console, [])
 
 
 def bake(source, target):
