@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <memory>
+#include <new>
 #ifndef __EMSCRIPTEN__ // which has no zlib: stb_image_write compresses
 #include <zlib.h>
 #endif
@@ -15,7 +16,25 @@
 #include "base/error.h"
 #include "base/text.h"
 
-#ifndef __EMSCRIPTEN__
+#ifdef __EMSCRIPTEN__
+namespace
+{
+
+// stb_image_write writes past the end of a buffer that could not grow. This leaks its other buffers.
+void *reallocated(void *buffer, size_t size)
+{
+    void *larger = std::realloc(buffer, size);
+    if (larger == nullptr)
+        throw std::bad_alloc();
+    return larger;
+}
+
+} // namespace
+
+#define STBIW_MALLOC std::malloc
+#define STBIW_REALLOC reallocated
+#define STBIW_FREE std::free
+#else
 namespace
 {
 

@@ -45,7 +45,7 @@ struct Recommendation {
     std::string reason;  // a sentence without its full stop
 };
 
-// The rows of files, which have the same settings. Budgets that change nothing are left out.
+// The rows of files, which have the same settings. Budgets that change nothing are excluded.
 std::vector<SweepRow> rowsOf(const std::vector<const DocumentOutlines *> &files);
 
 // The fewest bytes that know 95 % of what the best of the rows knows; none if no row knows anything. `given`: what
