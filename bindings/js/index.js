@@ -95,6 +95,13 @@ function known(what, object, names) {
   return object;
 }
 
+// An object of {} or JSON, whichever window or context made it.
+function isPlain(value) {
+  if (typeof value !== 'object' || value === null) return false;
+  const prototype = Object.getPrototypeOf(value);
+  return prototype === null || Object.getPrototypeOf(prototype) === null;
+}
+
 function bytesOf(name, array, types) {
   if (!types.some((type) => array instanceof type))
     reject(name, Object.prototype.toString.call(array), types.map((type) => type.name).join(', '));
@@ -133,10 +140,15 @@ class Call {
   }
 
   allocate(size) {
-    const address = this.module.malloc(Math.max(size, 1)) >>> 0;
-    if (address === 0) throw new VellumError('VELLUM_ERROR_OUT_OF_MEMORY', 'out of memory');
+    const address = this.made(this.module.malloc(Math.max(size, 1)) >>> 0);
     this.owned.push(address);
     return address;
+  }
+
+  // What an export made; it returns 0 where memory runs out.
+  made(result) {
+    if (!result) throw new VellumError('VELLUM_ERROR_OUT_OF_MEMORY', 'out of memory');
+    return result;
   }
 
   // The address of a copy; 0 of nothing.
@@ -165,7 +177,7 @@ class Call {
     module.calls.push(this);
     let result;
     try {
-      result = call() >>> 0;
+      result = this.made(call()) >>> 0;
     } finally {
       module.calls.pop();
     }
@@ -187,7 +199,10 @@ class Call {
       module.destroyResult(result);
     }
     if (this.thrown) throw this.thrown.error;
-    if (code !== 0) throw new VellumError(module.nameOf(code | 0), message || 'the call was cancelled');
+    if (code !== 0) {
+      const name = module.nameOf(code | 0);
+      throw new VellumError(name, message || (name === 'VELLUM_CANCELLED' ? 'the call was cancelled' : 'out of memory'));
+    }
     return [JSON.parse(message), copies];
   }
 
@@ -208,10 +223,10 @@ function addTexture(call, bake, texture) {
     : Format.R8_UNORM;
   const u32 = (name, otherwise) => checked('u32', name, texture[name], otherwise);
   const real = (name, otherwise) => checked('real', name, texture[name], otherwise);
-  call.module.addTexture(
+  call.made(call.module.addTexture(
     bake, call.put(alpha), alpha.length, u32('width', 0), u32('height', 0), u32('format', byType),
     u32('filter', Filter.LINEAR), u32('addressModeU', AddressMode.REPEAT), u32('addressModeV', AddressMode.REPEAT),
-    u32('offset', 0), u32('pixelStride', 0), u32('rowStride', 0), real('scale', 1), real('border', 0));
+    u32('offset', 0), u32('pixelStride', 0), u32('rowStride', 0), real('scale', 1), real('border', 0)));
 }
 
 function addInput(call, bake, input) {
@@ -242,10 +257,10 @@ function addInput(call, bake, input) {
   const transform = input.uvTransform === undefined ? undefined : Float32Array.from(input.uvTransform);
   if (transform !== undefined && transform.length !== 6) reject('the length of uvTransform', transform.length, '6');
   const cutoff = checked('real', 'cutoff', input.cutoff, 0.5);
-  call.module.addInput(
+  call.made(call.module.addInput(
     bake, call.put(uvs), uvs.length, uvStride, uvFormat, call.put(indexBytes), indexBytes?.length ?? 0, indexType,
     triangles, call.put(transform && new Uint8Array(transform.buffer)), call.put(perTriangle('levels')),
-    call.put(perTriangle('formats')), cutoff);
+    call.put(perTriangle('formats')), cutoff));
 }
 
 class Vellum {
@@ -280,7 +295,7 @@ class Vellum {
   bake(inputs, options = {}) {
     return this.#call(options, kBakeNames, (call) => {
       const { module } = call;
-      const bake = module.createBake();
+      const bake = call.made(module.createBake());
       try {
         for (const input of Array.isArray(inputs) ? inputs : [inputs]) addInput(call, bake, input);
         const numbers = call.putNumbers(options);
@@ -298,19 +313,23 @@ class Vellum {
     });
   }
 
-  #gltf(bytes, options, names, run) {
+  // Not part of the interface: the page in the folder `page` adds a function by it.
+  _gltf(bytes, options, names, run) {
     return this.#call(options, ['name', 'files', ...names], (call) => {
       const { name = 'input', files = {} } = options;
-      for (const text of [name, ...Object.keys(known('files', files, Object.keys(files ?? {})))])
-        if (typeof text !== 'string' || text === '' || text.includes('\0')) reject('name', text, 'a text that is not empty');
+      const isText = (text) => typeof text === 'string' && text !== '' && !text.includes('\0');
+      if (!isText(name)) reject('name', name, 'a text that is not empty');
+      if (!isPlain(files)) reject('files', files && Object.prototype.toString.call(files), 'a plain object');
+      for (const path of Object.keys(files)) if (!isText(path)) reject('a path of files', `"${path}"`, 'a text that is not empty');
       const file = bytesOf('bytes', bytes, [Uint8Array]);
-      const beside = call.module.createFiles();
+      const beside = call.made(call.module.createFiles());
       try {
+        const nameAddress = call.putText(name);
         for (const [path, content] of Object.entries(files)) {
           const its = bytesOf(`files["${path}"]`, content, [Uint8Array]);
-          call.module.addFile(beside, call.putText(path), call.put(its), its.length);
+          call.made(call.module.addFile(beside, nameAddress, call.putText(path), call.put(its), its.length));
         }
-        return run(call, [call.put(file), file.length, call.putText(name)]);
+        return run(call, [call.put(file), file.length, nameAddress]);
       } finally {
         call.module.destroyFiles(beside);
       }
@@ -333,7 +352,7 @@ class Vellum {
   }
 
   bakeGltf(bytes, options = {}) {
-    return this.#gltf(bytes, options, kGltfNames, (call, file) => {
+    return this._gltf(bytes, options, kGltfNames, (call, file) => {
       const baking = this.#baking(call, options);
       const [{ output, ...report }, parts] = call.run(() => call.module.bakeGltf(...file, ...baking));
       return { bytes: parts[output], report };
@@ -341,7 +360,7 @@ class Vellum {
   }
 
   sweepGltf(bytes, options = {}) {
-    return this.#gltf(bytes, options, kSweepNames, (call, file) => {
+    return this._gltf(bytes, options, kSweepNames, (call, file) => {
       const baking = this.#baking(call, options);
       const [swept] = call.run(() => call.module.sweepGltf(...file, ...baking));
       const bakeOptions = ({ level, states, budget }) => ({
@@ -354,7 +373,7 @@ class Vellum {
   }
 
   readGltf(bytes, options = {}) {
-    return this.#gltf(bytes, options, [], (call, file) => {
+    return this._gltf(bytes, options, [], (call, file) => {
       const [read, parts] = call.run(() => call.module.readGltf(...file));
       return {
         extension: read.extension,
@@ -365,16 +384,11 @@ class Vellum {
   }
 
   inspectGltf(bytes, options = {}) {
-    return this.#gltf(bytes, options, [], (call, file) => call.run(() => call.module.inspectGltf(...file))[0]);
-  }
-
-  // The page of `vellum inspect`, of the module of vellum.html only.
-  inspectPage(bytes, options = {}) {
-    return this.#gltf(bytes, options, [], (call, file) => call.run(() => call.module.inspectPage(...file))[1][0]);
+    return this._gltf(bytes, options, [], (call, file) => call.run(() => call.module.inspectGltf(...file))[0]);
   }
 
   verifyGltf(bytes, options = {}) {
-    return this.#gltf(bytes, options, ['exact', ...kCallbacks], (call, file) => {
+    return this._gltf(bytes, options, ['exact', ...kCallbacks], (call, file) => {
       const exact = checked('bit', 'exact', options.exact, false);
       return call.run(() => call.module.verifyGltf(...file, Number(exact)))[0];
     });

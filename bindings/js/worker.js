@@ -19,8 +19,10 @@ function serve(port) {
       const result = (await vellum)[method](...args, { ...options, ...(onProgress && { onProgress }) });
       port.postMessage({ id, result });
     } catch (error) {
-      if (!(error instanceof VellumError)) vellum = undefined; // a module that trapped is not used again
-      port.postMessage({ id, error: { code: error.code, message: error.message, own: error instanceof VellumError } });
+      const own = error instanceof VellumError;
+      // A module that trapped is not used again; the memory of one that has run out would never shrink.
+      if (!own || error.code === 'VELLUM_ERROR_OUT_OF_MEMORY') vellum = undefined;
+      port.postMessage({ id, error: { code: error.code, message: error.message || String(error), own } });
     }
   };
 }
@@ -38,31 +40,27 @@ export class VellumWorker {
   }
 
   bake(inputs, options) {
-    return this.#post('bake', [inputs], options);
+    return this._post('bake', [inputs], options);
   }
 
   bakeGltf(bytes, options) {
-    return this.#post('bakeGltf', [bytes], options);
+    return this._post('bakeGltf', [bytes], options);
   }
 
   sweepGltf(bytes, options) {
-    return this.#post('sweepGltf', [bytes], options);
+    return this._post('sweepGltf', [bytes], options);
   }
 
   readGltf(bytes, options) {
-    return this.#post('readGltf', [bytes], options);
+    return this._post('readGltf', [bytes], options);
   }
 
   inspectGltf(bytes, options) {
-    return this.#post('inspectGltf', [bytes], options);
-  }
-
-  inspectPage(bytes, options) {
-    return this.#post('inspectPage', [bytes], options);
+    return this._post('inspectGltf', [bytes], options);
   }
 
   verifyGltf(bytes, options) {
-    return this.#post('verifyGltf', [bytes], options);
+    return this._post('verifyGltf', [bytes], options);
   }
 
   // Ends the worker, and with it every call. The next call starts another.
@@ -103,7 +101,8 @@ export class VellumWorker {
     if (this.#calls.size === 0) this.#worker?.unref?.();
   }
 
-  #post(method, args, { onProgress, signal, ...options } = {}) {
+  // Not part of the interface: the page in the folder `page` adds a function by it.
+  _post(method, args, { onProgress, signal, ...options } = {}) {
     return new Promise((resolve, reject) => {
       if (onProgress !== undefined && typeof onProgress !== 'function')
         return reject(new VellumError('VELLUM_ERROR_INVALID_ARGUMENT', 'onProgress must be a function'));

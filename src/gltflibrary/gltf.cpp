@@ -14,6 +14,7 @@
 
 #include "core/utf8_path.h"
 #include "gltf/micromaps/file_bake.h"
+#include "gltflibrary/options.h"
 #include "library/call.h"
 #include "library/inputs.h"
 #include "library/usage_counts.h"
@@ -126,7 +127,10 @@ std::vector<std::string> patterns(const char *member, const char *const *given, 
     return all;
 }
 
-void readFileOptions(const VellumBakeOptions &bake, const VellumGltfBakeOptions &given, FileBakeOptions &options)
+} // namespace
+
+void vellum::library::readDocumentOptions(const VellumBakeOptions &bake, const VellumGltfBakeOptions &given,
+                                          DocumentBakeOptions &options)
 {
     options.bake = readOptions(bake);
     if (bake.compareOp != VELLUM_COMPARE_OP_GREATER_OR_EQUAL)
@@ -139,7 +143,6 @@ void readFileOptions(const VellumBakeOptions &bake, const VellumGltfBakeOptions 
     if ((given.flags & ~kFlags) != 0)
         throw invalid("flags is " + std::to_string(given.flags) + ", not made of VellumGltfBakeFlagBits");
     options.blend = (given.flags & VELLUM_GLTF_BAKE_BLEND_BIT) != 0;
-    options.embed = options.embed || (given.flags & VELLUM_GLTF_BAKE_EMBED_BIT) != 0;
     if (!std::isfinite(given.blendCutoff))
         throw invalid("blendCutoff is not finite");
     if ((given.flags & VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT) != 0)
@@ -147,6 +150,9 @@ void readFileOptions(const VellumBakeOptions &bake, const VellumGltfBakeOptions 
     options.excludedMaterials = patterns("excludedMaterials", given.excludedMaterials, given.excludedMaterialCount);
     options.excludedMeshes = patterns("excludedMeshes", given.excludedMeshes, given.excludedMeshCount);
 }
+
+namespace
+{
 
 // The cache of these callbacks, either of which may be null.
 BakeCache cacheOf(const VellumGltfBakeOptions &given, void *userData)
@@ -241,7 +247,8 @@ VellumResult bakeInto(MakeSource &&source, Target &&target, const VellumBakeOpti
         Source from = source();
         FileBakeOptions wanted;
         const std::filesystem::path to = target(wanted, known.userData);
-        readFileOptions(known, gltf, wanted);
+        readDocumentOptions(known, gltf, wanted);
+        wanted.embed = wanted.embed || (gltf.flags & VELLUM_GLTF_BAKE_EMBED_BIT) != 0;
         wanted.cache = cacheOf(gltf, known.userData);
         // Whoever stops the bake at its last triangle is heard before the first byte is written.
         const Callbacks callbacks(known, wanted.bake);

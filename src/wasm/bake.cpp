@@ -48,9 +48,11 @@ void describe(const VellumMicromap *micromap, size_t inputs, Result &result)
 
 VELLUM_EXPORT("createBake") Bake *vellumCreateBakeOfCall()
 {
-    auto bake = std::make_unique<Bake>();
-    bake->textures.emplace_back();
-    return bake.release();
+    return guardedExport([] {
+        auto bake = std::make_unique<Bake>();
+        bake->textures.emplace_back();
+        return bake.release();
+    });
 }
 
 VELLUM_EXPORT("destroyBake") void vellumDestroyBakeOfCall(Bake *bake)
@@ -60,7 +62,7 @@ VELLUM_EXPORT("destroyBake") void vellumDestroyBakeOfCall(Bake *bake)
 
 // Adds a mip level of the next input.
 VELLUM_EXPORT("addTexture")
-void vellumAddTextureOfCall(Bake *bake, const void *texels, size_t texelsSize, uint32_t width, uint32_t height,
+bool vellumAddTextureOfCall(Bake *bake, const void *texels, size_t texelsSize, uint32_t width, uint32_t height,
                             uint32_t format, uint32_t filter, uint32_t addressModeU, uint32_t addressModeV,
                             size_t offset, size_t pixelStride, size_t rowStride, float scale, float border)
 {
@@ -79,12 +81,15 @@ void vellumAddTextureOfCall(Bake *bake, const void *texels, size_t texelsSize, u
     texture.rowStride = rowStride;
     texture.scale = scale;
     texture.border = border;
-    bake->textures.back().push_back(texture);
+    return guardedExport([&] {
+        bake->textures.back().push_back(texture);
+        return true;
+    });
 }
 
 // `transform`: 6 floats; it, `levels` and `formats` may be null.
 VELLUM_EXPORT("addInput")
-void vellumAddInputOfCall(Bake *bake, const void *uvs, size_t uvsSize, size_t uvStride, uint32_t uvFormat,
+bool vellumAddInputOfCall(Bake *bake, const void *uvs, size_t uvsSize, size_t uvStride, uint32_t uvFormat,
                           const void *indices, size_t indicesSize, uint32_t indexType, size_t triangleCount,
                           const float *transform, const uint8_t *levels, const uint8_t *formats, double cutoff)
 {
@@ -105,20 +110,25 @@ void vellumAddInputOfCall(Bake *bake, const void *uvs, size_t uvsSize, size_t uv
     input.levels = levels;
     input.formats = formats;
     input.cutoff = cutoff;
-    bake->inputs.push_back(input);
-    bake->textures.emplace_back();
+    return guardedExport([&] {
+        bake->inputs.push_back(input);
+        bake->textures.emplace_back();
+        return true;
+    });
 }
 
 VELLUM_EXPORT("bake") const Result::Words *vellumBakeOfCall(const Bake *bake, const double *numbers)
 {
-    auto result = std::make_unique<Result>();
-    const VellumBakeOptions options = optionsOf(numbers, *result);
-    VellumMicromap *micromap = nullptr;
-    const VellumResult code = vellumBake(bake->inputs.data(), bake->inputs.size(), &options, &micromap);
-    if (code == VELLUM_SUCCESS) {
-        result->owner = std::shared_ptr<void>(
-            micromap, [](void *made) { vellumDestroyMicromap(static_cast<VellumMicromap *>(made)); });
-        describe(micromap, bake->inputs.size(), *result);
-    }
-    return finish(std::move(result), code);
+    return guardedExport([&] {
+        auto result = std::make_unique<Result>();
+        const VellumBakeOptions options = optionsOf(numbers, *result);
+        VellumMicromap *micromap = nullptr;
+        const VellumResult code = vellumBake(bake->inputs.data(), bake->inputs.size(), &options, &micromap);
+        if (code == VELLUM_SUCCESS) {
+            result->owner = std::shared_ptr<void>(
+                micromap, [](void *made) { vellumDestroyMicromap(static_cast<VellumMicromap *>(made)); });
+            describe(micromap, bake->inputs.size(), *result);
+        }
+        return finish(std::move(result), code);
+    });
 }

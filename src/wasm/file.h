@@ -27,15 +27,17 @@ struct File {
 template <typename Function>
 const Result::Words *run(Function &&function)
 {
-    auto result = std::make_unique<Result>();
-    const VellumResult code = library::guarded(keepMessage, result.get(), [&] {
-        try {
-            function(*result);
-        } catch (const GltfError &error) {
-            throw library::Failure(VELLUM_ERROR_FILE, error.what());
-        }
+    return guardedExport([&] {
+        auto result = std::make_unique<Result>();
+        const VellumResult code = library::guarded(keepMessage, result.get(), [&] {
+            try {
+                function(*result);
+            } catch (const GltfError &error) {
+                throw library::Failure(VELLUM_ERROR_FILE, error.what());
+            }
+        });
+        return finish(std::move(result), code);
     });
-    return finish(std::move(result), code);
 }
 
 } // namespace vellum::wasm

@@ -13,8 +13,8 @@
 #include "gltf/micromaps/state_counter.h"
 #include "gltf/micromaps/stored_micromaps.h"
 #include "gltf/micromaps/sweep.h"
+#include "gltflibrary/options.h"
 #include "library/call.h"
-#include "library/inputs.h"
 #include "verify/file.h"
 #include "wasm/exports.h"
 #include "wasm/file.h"
@@ -37,6 +37,21 @@ std::vector<const char *> stringsOf(const char *first, size_t count)
     for (; strings.size() < count; first += std::char_traits<char>::length(first) + 1)
         strings.push_back(first);
     return strings;
+}
+
+// `excluded`, which must stay: the patterns of materials, then those of meshes.
+VellumGltfBakeOptions gltfOptionsOf(uint32_t flags, float blendCutoff, const std::vector<const char *> &excluded,
+                                    size_t materialCount)
+{
+    VellumGltfBakeOptions options;
+    vellumInitGltfBakeOptions(&options, sizeof options);
+    options.flags = flags;
+    options.blendCutoff = blendCutoff;
+    options.excludedMaterials = excluded.data();
+    options.excludedMaterialCount = materialCount;
+    options.excludedMeshes = excluded.data() + materialCount;
+    options.excludedMeshCount = excluded.size() - materialCount;
+    return options;
 }
 
 void writePlace(JsonWriter &json, PrimitivePlace place, const std::string &name)
@@ -239,16 +254,20 @@ void describe(const VellumGltfBakeInfo &info, Result &result)
 
 } // namespace
 
-// The files that calls may read until they are destroyed. Those that were created last count.
+// The files that calls may read until they are destroyed; the latest set is used.
 VELLUM_EXPORT("createFiles") MemoryFiles *vellumCreateFilesOfCall()
 {
-    return new MemoryFiles;
+    return guardedExport([] { return std::make_unique<MemoryFiles>().release(); });
 }
 
+// `path` is relative to the folder of `model`, which is the name of the file of the call.
 VELLUM_EXPORT("addFile")
-void vellumAddFileOfCall(MemoryFiles *files, const char *path, const uint8_t *bytes, size_t size)
+bool vellumAddFileOfCall(MemoryFiles *files, const char *model, const char *path, const uint8_t *bytes, size_t size)
 {
-    files->add(utf8Path(path), {bytes, size});
+    return guardedExport([&] {
+        files->add(utf8Path(model).parent_path() / utf8Path(path), {bytes, size});
+        return true;
+    });
 }
 
 VELLUM_EXPORT("destroyFiles") void vellumDestroyFilesOfCall(MemoryFiles *files)
@@ -262,39 +281,34 @@ const Words *vellumBakeGltfOfCall(const uint8_t *bytes, size_t size, const char 
                                   uint32_t flags, float blendCutoff, const char *patterns, size_t materialCount,
                                   size_t meshCount)
 {
-    auto result = std::make_unique<Result>();
-    result->owner = std::make_shared<Baked>();
-    const VellumBakeOptions bake = optionsOf(numbers, *result);
-    VellumGltfBakeOptions options;
-    vellumInitGltfBakeOptions(&options, sizeof options);
-    options.flags = flags;
-    options.blendCutoff = blendCutoff;
-    const std::vector<const char *> excluded = stringsOf(patterns, materialCount + meshCount);
-    options.excludedMaterials = excluded.data();
-    options.excludedMaterialCount = materialCount;
-    options.excludedMeshes = excluded.data() + materialCount;
-    options.excludedMeshCount = meshCount;
-    options.skipped = [](void *userData, const char *place, const char *note) {
-        bakedOf(userData).keep([&] { bakedOf(userData).skipped.emplace_back(place, note); });
-    };
-    const auto output = [](void *userData, const void *part, size_t partSize) {
-        const auto *first = static_cast<const uint8_t *>(part);
-        std::vector<uint8_t> &all = bakedOf(userData).output;
-        bakedOf(userData).keep([&] { all.insert(all.end(), first, first + partSize); });
-    };
-    VellumGltfBakeInfo info{};
-    info.structSize = sizeof info;
-    VellumResult code = vellumBakeGltfMemory(bytes, size, name, &bake, &options, output, &info);
-    if (code == VELLUM_SUCCESS && bakedOf(result.get()).outOfMemory) {
-        code = VELLUM_ERROR_OUT_OF_MEMORY;
-        result->text = "out of memory";
-    } else if (code == VELLUM_SUCCESS) {
-        describe(info, *result);
-    }
-    return finish(std::move(result), code);
+    return guardedExport([&] {
+        auto result = std::make_unique<Result>();
+        result->owner = std::make_shared<Baked>();
+        const VellumBakeOptions bake = optionsOf(numbers, *result);
+        const std::vector<const char *> excluded = stringsOf(patterns, materialCount + meshCount);
+        VellumGltfBakeOptions options = gltfOptionsOf(flags, blendCutoff, excluded, materialCount);
+        options.skipped = [](void *userData, const char *place, const char *note) {
+            bakedOf(userData).keep([&] { bakedOf(userData).skipped.emplace_back(place, note); });
+        };
+        const auto output = [](void *userData, const void *part, size_t partSize) {
+            const auto *first = static_cast<const uint8_t *>(part);
+            std::vector<uint8_t> &all = bakedOf(userData).output;
+            bakedOf(userData).keep([&] { all.insert(all.end(), first, first + partSize); });
+        };
+        VellumGltfBakeInfo info{};
+        info.structSize = sizeof info;
+        VellumResult code = vellumBakeGltfMemory(bytes, size, name, &bake, &options, output, &info);
+        if (code == VELLUM_SUCCESS && bakedOf(result.get()).outOfMemory) {
+            code = VELLUM_ERROR_OUT_OF_MEMORY;
+            result->text = "out of memory";
+        } else if (code == VELLUM_SUCCESS) {
+            describe(info, *result);
+        }
+        return finish(std::move(result), code);
+    });
 }
 
-// As bakeGltf. Level, format and budget do not count.
+// As bakeGltf. Level, format and budget are ignored.
 VELLUM_EXPORT("sweepGltf")
 const Words *vellumSweepGltfOfCall(const uint8_t *bytes, size_t size, const char *name, const double *numbers,
                                    uint32_t flags, float blendCutoff, const char *patterns, size_t materialCount,
@@ -302,30 +316,27 @@ const Words *vellumSweepGltfOfCall(const uint8_t *bytes, size_t size, const char
 {
     return run([&](Result &result) {
         const VellumBakeOptions given = optionsOf(numbers, result);
-        DocumentBakeOptions options;
-        options.bake = library::readOptions(given);
-        const library::Callbacks callbacks(given, options.bake);
-        options.blend = (flags & VELLUM_GLTF_BAKE_BLEND_BIT) != 0;
-        if ((flags & VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT) != 0)
-            options.blendCutoff = blendCutoff;
         const std::vector<const char *> excluded = stringsOf(patterns, materialCount + meshCount);
-        options.excludedMaterials.assign(excluded.begin(), excluded.begin() + static_cast<ptrdiff_t>(materialCount));
-        options.excludedMeshes.assign(excluded.begin() + static_cast<ptrdiff_t>(materialCount), excluded.end());
+        DocumentBakeOptions options;
+        library::readDocumentOptions(given, gltfOptionsOf(flags, blendCutoff, excluded, materialCount), options);
+        const library::Callbacks callbacks(given, options.bake);
         sweep(File{bytes, size, name}.document(), options, result);
     });
 }
 
 VELLUM_EXPORT("readGltf") const Words *vellumReadGltfOfCall(const uint8_t *bytes, size_t size, const char *name)
 {
-    auto result = std::make_unique<Result>();
-    VellumGltf *gltf = nullptr;
-    const VellumResult code = vellumReadGltfMemory(bytes, size, name, keepMessage, result.get(), &gltf);
-    if (code == VELLUM_SUCCESS) {
-        result->owner =
-            std::shared_ptr<void>(gltf, [](void *read) { vellumDestroyGltf(static_cast<VellumGltf *>(read)); });
-        describe(gltf, *result);
-    }
-    return finish(std::move(result), code);
+    return guardedExport([&] {
+        auto result = std::make_unique<Result>();
+        VellumGltf *gltf = nullptr;
+        const VellumResult code = vellumReadGltfMemory(bytes, size, name, keepMessage, result.get(), &gltf);
+        if (code == VELLUM_SUCCESS) {
+            result->owner =
+                std::shared_ptr<void>(gltf, [](void *read) { vellumDestroyGltf(static_cast<VellumGltf *>(read)); });
+            describe(gltf, *result);
+        }
+        return finish(std::move(result), code);
+    });
 }
 
 VELLUM_EXPORT("inspectGltf") const Words *vellumInspectGltfOfCall(const uint8_t *bytes, size_t size, const char *name)

@@ -2,6 +2,7 @@
 #include "wasm/result.h"
 
 #include <cstddef>
+#include <new>
 
 #include "wasm/exports.h"
 
@@ -10,7 +11,10 @@ namespace vellum::wasm
 
 void keepMessage(void *result, VellumResult, const char *message)
 {
-    static_cast<Result *>(result)->text = message;
+    try {
+        static_cast<Result *>(result)->text = message;
+    } catch (const std::bad_alloc &) { // a callback must not throw; the code remains
+    }
 }
 
 const Result::Words *finish(std::unique_ptr<Result> result, int32_t code)

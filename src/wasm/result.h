@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <new>
 #include <string>
 #include <vector>
 
@@ -41,6 +42,18 @@ struct Result {
         return parts.size() - 1;
     }
 };
+
+// Runs the body of an export, which returns what it made or true. Returns 0 if memory runs out: no exception reaches
+// JavaScript.
+template <typename Function>
+auto guardedExport(Function &&function) noexcept -> decltype(function())
+{
+    try {
+        return function();
+    } catch (const std::bad_alloc &) {
+        return {};
+    }
+}
 
 // The message callback of a call; userData is its Result.
 void keepMessage(void *result, VellumResult code, const char *message);

@@ -26,7 +26,7 @@ PARTS = {
     "gltflibrary": ("core", "base", "bake", "gltf", "library"),
     "layer": ("core", "spirv", "vk"),
     "verify": ("core", "base", "bake", "gltf"),
-    "wasm": ("core", "base", "gltf", "library", "verify", "inspect"),
+    "wasm": ("core", "base", "gltf", "library", "gltflibrary", "verify", "inspect"),
     "vk": (),
     "gpu": ("core", "base", "vk"),
     "job": ("core", "base"),

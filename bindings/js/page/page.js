@@ -1,22 +1,42 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page: a file, the settings that a sweep compares, the bake, and the page of `vellum inspect` for the result. This code runs
-// in the worker as well, where index.js and worker.js are all that counts.
+// The page: a file, the settings that a sweep compares, the bake, and the page of `vellum inspect` for the result. This code also
+// runs in the worker, which uses index.js, worker.js and Vellum.inspectPage().
 
 const kModels = ['.glb', '.gltf'];
-const kNamed = ['.bin', '.png', '.jpg', '.jpeg', '.webp', '.avif', '.ktx2', '.dds'];
 const kMostBytes = 2 ** 31 - 1; // of all files together
 const suffixOf = (path) => /\.[^./]*$/.exec(path)?.[0].toLowerCase() ?? '';
 
+// An error whose message is for the user.
+class PageError extends Error {}
+
+// --- the page of `vellum inspect`, which only this page's module makes ---
+
+Vellum.prototype.inspectPage = function (bytes, options = {}) {
+  return this._gltf(bytes, options, [], (call, file) => call.run(() => call.module.inspectPage(...file))[1][0]);
+};
+
+class PageWorker extends VellumWorker {
+  inspectPage(bytes, options) {
+    return this._post('inspectPage', [bytes], options);
+  }
+}
+
+// --- files that are dropped ---
+
 // All files in what was dropped, with their paths. Chromium gives a page that is a local file no files by the older interface of
-// entries, and other browsers have no handles.
-async function filesOfHandle(handle, path = handle.name) {
+// entries, and other browsers have no handles. Both interfaces may return null.
+async function filesOfHandle(handle, signal, path = handle?.name) {
+  signal.throwIfAborted();
+  if (!handle) return [];
   if (handle.kind === 'file') return [{ path, file: await handle.getFile() }];
   const found = [];
-  for await (const child of handle.values()) found.push(...(await filesOfHandle(child, `${path}/${child.name}`)));
+  for await (const child of handle.values()) found.push(...(await filesOfHandle(child, signal, `${path}/${child.name}`)));
   return found;
 }
 
-async function filesOfEntry(entry) {
+async function filesOfEntry(entry, signal) {
+  signal.throwIfAborted();
+  if (!entry) return [];
   if (entry.isFile) {
     const file = await new Promise((resolve, reject) => entry.file(resolve, reject));
     return [{ path: entry.fullPath.replace(/^\//, ''), file }];
@@ -26,12 +46,43 @@ async function filesOfEntry(entry) {
   while (true) {
     const some = await new Promise((resolve, reject) => reader.readEntries(resolve, reject));
     if (some.length === 0) return found; // it returns a hundred at a time
-    for (const each of some) found.push(...(await filesOfEntry(each)));
+    for (const each of some) found.push(...(await filesOfEntry(each, signal)));
   }
 }
 
-function filesOfItem(item) {
-  return item.getAsFileSystemHandle ? item.getAsFileSystemHandle().then((handle) => filesOfHandle(handle)) : filesOfEntry(item.webkitGetAsEntry());
+// Asks for the item at once: it is valid only during its event.
+function filesOfItem(item, signal) {
+  if (!item.getAsFileSystemHandle) return filesOfEntry(item.webkitGetAsEntry(), signal);
+  return item.getAsFileSystemHandle().then((handle) => filesOfHandle(handle, signal));
+}
+
+// --- files that a model names ---
+
+// Percent signs that begin no escape stay.
+function pathOfUri(uri) {
+  return uri.replace(/(%[0-9a-f]{2})+/gi, (escapes) => {
+    try {
+      return decodeURIComponent(escapes);
+    } catch {
+      return escapes; // not UTF-8
+    }
+  });
+}
+
+const normalized = (path) => path.split('/').filter((part) => part !== '' && part !== '.').join('/');
+
+// The paths of the buffers and images, relative to the model. A model that is damaged names none: the module says what is wrong.
+function namedFiles(bytes) {
+  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+  const isBinary = bytes.length >= 20 && view.getUint32(0, true) === 0x46546c67; // "glTF"
+  let json;
+  try {
+    json = JSON.parse(new TextDecoder().decode(isBinary ? bytes.subarray(20, 20 + view.getUint32(12, true)) : bytes));
+  } catch {
+    return [];
+  }
+  const uris = [json?.buffers, json?.images].flatMap((list) => (Array.isArray(list) ? list.map((each) => each?.uri) : []));
+  return [...new Set(uris.filter((uri) => typeof uri === 'string' && !/^[^/]*:/.test(uri)).map(pathOfUri))];
 }
 
 function startPage() {
@@ -42,6 +93,7 @@ function startPage() {
   let model; // { name, bytes, files }
   let sweep;
   const urls = {}; // of blobs, by the element that has it
+  const kStarts = ['bake', 'existing']; // the buttons
 
   // --- what is shown ---
 
@@ -49,7 +101,7 @@ function startPage() {
     at('status').textContent = text;
   }
 
-  function complain(text, ...more) {
+  function showMessage(text, ...more) {
     at('messages').replaceChildren(...(text ? [element('p', { class: 'note' }, text, ...more)] : []));
   }
 
@@ -59,43 +111,68 @@ function startPage() {
     at(id).setAttribute(attribute, urls[id]);
   }
 
+  // Frees the result.
+  function dropUrls() {
+    for (const [id, attribute] of [['download', 'href'], ['save', 'href'], ['inspect', 'src']]) {
+      if (urls[id]) URL.revokeObjectURL(urls[id]);
+      delete urls[id];
+      at(id).removeAttribute(attribute);
+    }
+  }
+
   function hide(...ids) {
     for (const id of ids) at(id).hidden = true;
   }
 
-  // Runs what takes long; the buttons that would start something else wait for it. Returns whether it succeeded.
+  // Runs what takes long, instead of what runs; the buttons that would start something else wait for it. Returns { done: true },
+  // or { error }, which is shown, or {} where something else began in the meantime.
   async function run(doing, work) {
     running?.abort();
     const own = (running = new AbortController());
     const { signal } = own;
+    const focused = document.activeElement;
     const onProgress = (done, total) => {
       at('progress').value = total ? done / total : 1;
     };
     at('doing').textContent = doing;
     at('progress').removeAttribute('value');
     at('work').hidden = false;
-    at('bake').disabled = true;
-    complain();
+    for (const id of kStarts) at(id).disabled = true;
+    showMessage();
     say(doing);
     try {
       await work({ signal, onProgress });
-      return own === running;
+      return own === running ? { done: true } : {};
     } catch (error) {
-      if (own !== running) return false; // something else began
-      if (signal.aborted) say('Cancelled.');
-      else complain(messageOf(error));
-      return false;
+      if (own !== running) return {};
+      say('');
+      showMessage(signal.aborted ? 'Cancelled.' : messageOf(error));
+      return { error };
     } finally {
       if (own === running) {
         running = undefined;
+        for (const id of kStarts) at(id).disabled = false;
+        const { activeElement } = document;
+        const lost = activeElement === at('cancel') || (activeElement === document.body && focused !== document.body);
         at('work').hidden = true;
-        at('bake').disabled = false;
+        if (lost) focusOneOf(focused, at('bake'), at('files'));
       }
     }
   }
 
+  function focusOneOf(...candidates) {
+    candidates.find((each) => each !== document.body && each.checkVisibility())?.focus({ preventScroll: true });
+  }
+
+  function isOutOfMemory({ code, message }) {
+    return code === 'VELLUM_ERROR_OUT_OF_MEMORY' || /allocation failed|out of memory|not enough memory/i.test(message);
+  }
+
   function messageOf(error) {
-    if (error.code === 'VELLUM_ERROR_OUT_OF_MEMORY' || /allocation failed|out of memory/i.test(error.message)) return `${model?.name ?? 'The file'} needs more memory than a page can have (4 GiB): use the command, vellum bake.`;
+    const name = model?.name ?? 'The file';
+    if (error instanceof PageError) return error.message;
+    if (isOutOfMemory(error)) return `${name} needs more memory than a page can have (4 GiB): use the command, vellum bake.`;
+    if (!(error instanceof VellumError)) return `${name}: this page failed (${error.message || error}).`;
     if (error.code === 'VELLUM_ERROR_FILE' && /no such file$/.test(error.message))
       return `${error.message}. Drop the .gltf together with the files that it names, or their folder.`;
     return error.message;
@@ -103,44 +180,66 @@ function startPage() {
 
   // --- files ---
 
+  async function takeItems(items) {
+    if (items.length === 0) return take([]);
+    let files;
+    const { done } = await run('Reading the folder', async ({ signal }) => {
+      try {
+        files = (await Promise.all(items.map((item) => filesOfItem(item, signal)))).flat();
+      } catch (error) {
+        throw new PageError(`What was dropped cannot be read: ${error.message}`);
+      }
+    });
+    if (done) await take(files);
+  }
+
   async function take(files) {
+    if (files.length === 0) return showMessage('No file was found. Choose or drop a .glb or .gltf file.');
     const models = files.filter(({ path }) => kModels.includes(suffixOf(path)));
-    if (files.length === 0) return;
     if (models.length === 1) return open(models[0], files);
     running?.abort();
     hide('settings', 'result');
-    if (models.length === 0) return complain(`${files.length === 1 ? `${files[0].path} is no glTF file` : 'None of these files is a glTF file'}: its name would end with .glb or .gltf.`);
+    if (models.length === 0) {
+      const what = files.length === 1 ? `${files[0].path} is not a glTF file` : 'None of these files is a glTF file';
+      return showMessage(`${what}; expected .glb or .gltf.`);
+    }
     const choices = models.slice(0, 100).map((each) => {
       const button = element('button', { type: 'button' }, each.path);
       button.addEventListener('click', () => open(each, files));
       return button;
     });
-    complain('Which of these files?', element('span', { class: 'buttons' }, ...choices));
+    showMessage('Which of these files?', element('span', { class: 'buttons' }, ...choices));
   }
 
   async function open(chosen, files) {
-    const folder = chosen.path.slice(0, chosen.path.lastIndexOf('/') + 1);
-    const beside = files.filter(({ path }) => path.startsWith(folder) && kNamed.includes(suffixOf(path)));
     worker.terminate(); // with its memory
     hide('settings', 'result');
+    dropUrls();
     model = sweep = undefined;
-    const read = await run(`Reading ${chosen.path}`, async ({ signal }) => {
-      const total = [chosen, ...beside].reduce((sum, { file }) => sum + file.size, 0);
-      if (total > kMostBytes) throw new Error(`${chosen.path} has ${size(total)}, and this page takes 2 GiB: use the command, vellum bake.`);
+    const { done } = await run(`Reading ${chosen.path}`, async ({ signal }) => {
+      let total = 0;
       const bytesOf = async ({ path, file }) => {
+        signal.throwIfAborted();
+        total += file.size;
+        if (total > kMostBytes) throw new PageError(`${chosen.path} needs more than 2 GiB of files: use the command, vellum bake.`);
         try {
           return new Uint8Array(await file.arrayBuffer());
         } catch (error) {
-          throw new Error(`${path} cannot be read: ${error.message}`);
+          throw new PageError(`${path} cannot be read: ${error.message}`);
         }
       };
-      const contents = {};
-      for (const each of beside) contents[each.path.slice(folder.length)] = await bytesOf(each);
+      const folder = chosen.path.slice(0, chosen.path.lastIndexOf('/') + 1);
+      const byPath = new Map(files.map((each) => [normalized(each.path), each]));
       const bytes = await bytesOf(chosen);
+      const contents = [];
+      for (const path of namedFiles(bytes)) {
+        const found = byPath.get(normalized(folder + path));
+        if (found) contents.push([path, await bytesOf(found)]);
+      }
       signal.throwIfAborted();
-      model = { name: chosen.path.slice(folder.length), bytes, files: contents };
+      model = { name: chosen.path.slice(folder.length), bytes, files: Object.fromEntries(contents) };
     });
-    if (read) await compare();
+    if (done) await compare();
   }
 
   // --- settings ---
@@ -153,40 +252,58 @@ function startPage() {
   async function compare() {
     hide('result');
     const given = options();
-    const compared = await run(`Comparing settings for ${model.name}`, async (callbacks) => {
+    const { done, error } = await run(`Comparing settings for ${model.name}`, async (callbacks) => {
       sweep = { ...(await worker.sweepGltf(model.bytes, { ...files(), ...given, ...callbacks })), given };
     });
-    if (!compared) {
-      if (sweep && !running) [at('max-level').value, at('blend').checked] = [sweep.given.maxLevel, sweep.given.blend]; // what is shown
-      return;
-    }
-    showParts();
-    at('sweep').replaceChildren();
+    if (error && sweep) [at('max-level').value, at('blend').checked] = [sweep.given.maxLevel, sweep.given.blend]; // what is shown
+    if (done) showParts();
+    // Another level may succeed, unless it is the file that is wrong.
+    else if (error && !sweep && error.code !== 'VELLUM_ERROR_FILE') showOptions();
+    if (!done) return;
     const any = sweep.rows.length > 0;
-    for (const id of ['sweep', 'bake', 'command', 'recommended']) at(id).hidden = !any;
-    at('sweep').parentElement.hidden = !any;
-    at('settings').hidden = false;
+    showRowsIf(any);
     at('existing').hidden = !sweep.hadMicromaps;
     if (any) showRows();
     say(any ? `Settings compared. ${textOf('recommended')}` : textOf('baked'));
   }
 
+  // The options of a comparison, without a comparison.
+  function showOptions() {
+    at('settings-title').textContent = model.name;
+    at('baked').textContent = '';
+    hide('parts', 'existing');
+    showRowsIf(false);
+  }
+
+  function showRowsIf(any) {
+    at('sweep').replaceChildren();
+    for (const id of ['sweep', 'bake', 'command', 'recommended', 'known']) at(id).hidden = !any;
+    at('sweep').parentElement.hidden = !any;
+    at('settings').hidden = false;
+  }
+
   function showParts() {
     at('settings-title').textContent = model.name;
     const triangles = sweep.primitives.reduce((sum, { triangles }) => sum + triangles, 0);
-    const parts = [size(model.bytes.length), `${plural(sweep.primitives.length, 'primitive')} with ${plural(triangles, 'triangle')} would get micromaps`];
-    if (sweep.rows.length === 0) parts[1] = sweep.skipped.length ? 'no primitive can get a micromap' : 'nothing to bake: no material is alpha-tested (alphaMode MASK)';
+    const primitives = plural(sweep.primitives.length, 'primitive');
+    const parts = [size(model.bytes.length), `${primitives} with ${plural(triangles, 'triangle')} would get micromaps`];
+    if (sweep.rows.length === 0) {
+      const nothing = 'nothing to bake: no material is alpha-tested (alphaMode MASK)';
+      parts[1] = sweep.skipped.length ? 'no primitive can get a micromap' : nothing;
+    }
     if (sweep.skipped.length) parts.push(`${count(sweep.skipped.length)} would not`);
     if (sweep.withoutMicromap > 1e-9) parts.push(`${percent(sweep.withoutMicromap)} of the alpha-tested surface stays without`);
     at('baked').textContent = `${parts.join(' · ')}.`;
     const list = at('parts').querySelector('ul');
     at('parts').hidden = sweep.primitives.length + sweep.skipped.length === 0;
     at('parts').open = sweep.skipped.length > 0;
-    at('parts').querySelector('summary').textContent = sweep.skipped.length ? 'Primitives, and why some are not baked' : 'Primitives';
+    const summary = sweep.skipped.length ? 'Primitives, and why some are not baked' : 'Primitives';
+    at('parts').querySelector('summary').textContent = summary;
     const most = 200;
+    const titleOf = ({ name, material }) => `${name}${material ? ` (${material})` : ''}`;
     const lines = [
-      ...sweep.skipped.map(({ name, material, reason }) => `${name}${material ? ` (${material})` : ''}: not baked, ${reason}`),
-      ...sweep.primitives.map(({ name, material, triangles }) => `${name}${material ? ` (${material})` : ''}: ${plural(triangles, 'triangle')}`),
+      ...sweep.skipped.map((each) => `${titleOf(each)}: not baked, ${each.reason}`),
+      ...sweep.primitives.map((each) => `${titleOf(each)}: ${plural(each.triangles, 'triangle')}`),
     ];
     list.replaceChildren(...lines.slice(0, most).map((line) => element('li', {}, line)));
     if (lines.length > most) list.append(element('li', {}, `and ${count(lines.length - most)} more`));
@@ -200,7 +317,9 @@ function startPage() {
   function showRows() {
     const { rows, recommendation } = sweep;
     const chosen = recommendation?.row ?? rows.findIndex(({ tooLarge }) => !tooLarge);
-    at('sweep').append(element('thead', {}, row(head('Setting'), head('Bytes', true), head('Known', true), head(''), head('Approximate', true), head('Levels', true))));
+    const numbers = ['Approximate', 'Levels'].map((text) => head(text, true));
+    const heads = [head('Setting'), head('Bytes', true), head('Known', true), head(''), ...numbers];
+    at('sweep').append(element('thead', {}, row(...heads)));
     const kinds = [
       ['Levels', ({ states, budget }) => states === 4 && budget === null],
       ['Levels, 2 states', ({ states }) => states === 2],
@@ -210,7 +329,8 @@ function startPage() {
       const body = element('tbody', {}, row(element('th', { scope: 'rowgroup', colspan: 6 }, title)));
       rows.forEach((each, number) => {
         if (!isOf(each)) return;
-        const input = element('input', { type: 'radio', name: 'setting', value: number, ...(number === chosen && { checked: '' }), ...(each.tooLarge && { disabled: '' }) });
+        const state = { ...(number === chosen && { checked: '' }), ...(each.tooLarge && { disabled: '' }) };
+        const input = element('input', { type: 'radio', name: 'setting', value: number, ...state });
         const name = element('span', {}, nameOf(each));
         if (each.states === 2) name.append(element('span', { class: 'hidden' }, ', 2 states'));
         if (number === recommendation?.row) name.append(' ', element('span', { class: 'mark' }, 'recommended'));
@@ -221,7 +341,9 @@ function startPage() {
         });
         const levels = Object.keys(each.levels);
         const made = row(
-          cell(element('label', {}, input, name)), cell(each.tooLarge ? 'too large' : count(each.bytes), true), cell(percent(each.known), true),
+          cell(element('label', {}, input, name)),
+          cell(each.tooLarge ? 'too large' : count(each.bytes), true),
+          cell(percent(each.known), true),
           element('td', { class: 'bar-cell' }, element('div', { class: 'bar', 'aria-hidden': 'true' }, ...bar)),
           cell(each.states === 2 ? percent(each.known - each.proven) : '–', true),
           cell(levels.length > 1 ? `${levels[0]}–${levels.at(-1)}` : (levels[0] ?? '–'), true));
@@ -230,14 +352,18 @@ function startPage() {
       });
       if (body.rows.length > 1) at('sweep').append(body);
     }
-    at('recommended').textContent = recommendation ? `Recommended: ${nameOf(rows[recommendation.row])}, ${recommendation.reason}.` : 'No setting is recommended: none knows anything of the surface.';
+    at('recommended').textContent = recommendation
+      ? `Recommended: ${nameOf(rows[recommendation.row])}, ${recommendation.reason}.`
+      : 'No setting is recommended: with each of them, the whole surface stays unknown.';
     showCommand();
   }
 
   function showCommand() {
     const { maxLevel, blend } = sweep.given;
-    const name = /^[\w./-]+$/.test(model.name) ? model.name : `'${model.name.replaceAll("'", "'\\''")}'`;
-    at('command').textContent = `vellum bake ${name} ${chosenRow().options}${maxLevel === 8 ? '' : ` --max-level ${maxLevel}`}${blend ? ' --blend' : ''}`;
+    const path = model.name.startsWith('-') ? `./${model.name}` : model.name; // not an option
+    const name = /^[\w./-]+$/.test(path) ? path : `'${path.replaceAll("'", "'\\''")}'`;
+    const more = `${maxLevel === 8 ? '' : ` --max-level ${maxLevel}`}${blend ? ' --blend' : ''}`;
+    at('command').textContent = `vellum bake ${name} ${chosenRow().options}${more}`;
   }
 
   // --- the result ---
@@ -246,17 +372,20 @@ function startPage() {
     hide('result');
     const chosen = chosenRow();
     const name = model.name.replace(/\.[^.]*$/, (suffix) => `.omm${suffix}`);
-    const done = await run(`Baking ${model.name}`, async (callbacks) => {
-      const { bytes, report } = await worker.bakeGltf(model.bytes, { ...files(), ...sweep.given, ...chosen.bakeOptions, ...callbacks });
-      at('made').textContent = `${plural(report.primitiveCount, 'primitive')} of ${model.name} got micromaps of ${count(report.micromapSize)} bytes, ` +
-        `which know ${percent(chosen.known)} of the alpha-tested surface. The file has ${size(report.outputSize)}, and had ${size(report.inputSize)}.` +
+    const { done } = await run(`Baking ${model.name}`, async (callbacks) => {
+      const settings = { ...sweep.given, ...chosen.bakeOptions };
+      const { bytes, report } = await worker.bakeGltf(model.bytes, { ...files(), ...settings, ...callbacks });
+      at('made').textContent =
+        `${plural(report.primitiveCount, 'primitive')} of ${model.name} got micromaps of ${count(report.micromapSize)} bytes, ` +
+        `which know ${percent(chosen.known)} of the alpha-tested surface. ` +
+        `The file has ${size(report.outputSize)}, and had ${size(report.inputSize)}.` +
         (suffixOf(name) === '.gltf' && Object.keys(model.files).length ? ' Put it beside the files that it names.' : '');
       const type = suffixOf(name) === '.gltf' ? 'model/gltf+json' : 'model/gltf-binary';
       setUrl('download', 'href', new Blob([bytes], { type }));
       at('download').download = name;
       at('download').textContent = `Download ${name}`;
       at('download').hidden = false;
-      await inspect(bytes, name, callbacks);
+      await inspect(bytes, name, callbacks, 'The bake is done and can be downloaded; its picture');
     });
     if (done) say(`Baked. ${textOf('made')}`);
   }
@@ -265,16 +394,21 @@ function startPage() {
     hide('result', 'download');
     await run(`Reading the micromaps of ${model.name}`, async (callbacks) => {
       at('made').textContent = `The micromaps that ${model.name} has.`;
-      await inspect(model.bytes, model.name, callbacks);
+      await inspect(model.bytes, model.name, callbacks, `The picture of ${model.name}`);
     });
   }
 
-  async function inspect(bytes, name, { signal }) {
+  // `picture` begins the message for a picture that is too large.
+  async function inspect(bytes, name, { signal }, picture) {
     at('doing').textContent = `Drawing ${name}`;
     hide('inspect', 'save');
     at('result').hidden = false; // what was baked can be downloaded, whatever becomes of the picture
     at('result-title').focus();
-    const html = new Blob([await worker.inspectPage(bytes, { name, files: model.files, signal })], { type: 'text/html' });
+    const page = await worker.inspectPage(bytes, { name, files: model.files, signal }).catch((error) => {
+      if (!isOutOfMemory(error)) throw error;
+      throw new PageError(`${picture} needs more memory than a page can have (4 GiB): use the command, vellum inspect.`);
+    });
+    const html = new Blob([page], { type: 'text/html' });
     setUrl('save', 'href', html);
     at('save').download = `${name.replace(/\.[^.]*$/, '')}.html`;
     at('inspect').hidden = at('save').hidden = false;
@@ -301,31 +435,28 @@ function startPage() {
       over(true);
     });
     document.addEventListener('dragleave', (event) => event.relatedTarget === null && over(false));
-    document.addEventListener('drop', async (event) => {
+    document.addEventListener('drop', (event) => {
       event.preventDefault();
       over(false);
-      const dropped = [...event.dataTransfer.items].filter(({ kind }) => kind === 'file').map(filesOfItem);
-      try {
-        take((await Promise.all(dropped)).flat());
-      } catch (error) {
-        complain(`What was dropped cannot be read: ${error.message}`);
-      }
+      takeItems([...event.dataTransfer.items].filter(({ kind }) => kind === 'file'));
     });
     addEventListener('message', ({ source, data }) => {
-      if (source === at('inspect').contentWindow && Number.isFinite(data?.height)) at('inspect').style.height = `${data.height}px`;
+      const { contentWindow, style } = at('inspect');
+      if (source === contentWindow && Number.isFinite(data?.height)) style.height = `${data.height}px`;
     });
   }
 
   async function start() {
-    for (let level = 1; level <= 12; ++level) at('max-level').append(element('option', level === 8 ? { selected: '' } : {}, `${level}`));
+    for (let level = 1; level <= 12; ++level)
+      at('max-level').append(element('option', level === 8 ? { selected: '' } : {}, `${level}`));
     const module = await WebAssembly.compile(Uint8Array.from(atob(textOf('module')), (c) => c.charCodeAt(0)));
     const code = URL.createObjectURL(new Blob([textOf('code')], { type: 'text/javascript' }));
-    worker = new VellumWorker(module, { make: ({ name }) => new Worker(code, { name }) });
+    worker = new PageWorker(module, { make: ({ name }) => new Worker(code, { name }) });
     listen();
     document.documentElement.dataset.ready = 'true';
   }
 
-  start().catch((error) => complain(`This browser cannot run the page: ${error.message}`));
+  start().catch((error) => showMessage(`This browser cannot run the page: ${error.message}`));
 }
 
 if (typeof document !== 'undefined') startPage();

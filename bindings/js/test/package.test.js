@@ -174,11 +174,16 @@ test('a .gltf gets its micromaps in a data URI', () => {
     [{ '../tree.bin': files['da ta/tree.bin'] }, 'FILE', /no such file/],
     [{ 'da ta/tree.bin': glb.subarray(0, 100) }, 'FILE', /buffer 0/],
     [{ 'da ta/tree.bin': 'text' }, 'INVALID_ARGUMENT', /files\["da ta\/tree\.bin"\] is .*not Uint8Array/],
-    [[], 'FILE', /no such file/],
+    [[], 'INVALID_ARGUMENT', /files is .*not a plain object/],
+    [new Map(Object.entries(files)), 'INVALID_ARGUMENT', /files is \[object Map\], not a plain object/],
+    [files['da ta/tree.bin'], 'INVALID_ARGUMENT', /files is /],
     [null, 'INVALID_ARGUMENT', /files is null/],
-    [{ '': glb }, 'INVALID_ARGUMENT', /name is/],
+    [{ '': glb }, 'INVALID_ARGUMENT', /path of files is ""/],
   ])
     assert.throws(() => vellum.bakeGltf(beside, { files: wrong }), fails(`VELLUM_ERROR_${code}`, message));
+  // The folder of `name` is that of the files.
+  for (const name of ['models/tree.gltf', '/models/tree.gltf', '../tree.gltf'])
+    assert.deepEqual(vellum.sweepGltf(beside, { name, files }), vellum.sweepGltf(glb), name);
   document.buffers[0].uri = '../tree.bin';
   assert.throws(() => vellum.bakeGltf(encode(document), { files: { '../tree.bin': glb } }), fails('VELLUM_ERROR_FILE', /leads out/));
   document.buffers[0].uri = 'elsewhere.bin';
@@ -191,6 +196,8 @@ test('options of files', () => {
   assert.match(report.skipped[0].reason, /exclu/);
   const excluded = vellum.bakeGltf(bytesOf(tree), { excludedMeshes: ['tree'] });
   assert.equal(excluded.report.skipped.length, 1);
+  for (const method of ['bakeGltf', 'sweepGltf'])
+    assert.throws(() => vellum[method](bytesOf(tree), { blendCutoff: Infinity }), fails('VELLUM_ERROR_INVALID_ARGUMENT', /blendCutoff/));
 });
 
 test('damaged files are errors, whatever the damage', () => {

@@ -239,7 +239,7 @@ class PageTest(unittest.TestCase):
                 surface = json.loads(vellum("inspect", expected, "--json", "-q", "--html", self.folder / "page.html",
                                             "--force"))["files"][0]["surface"]
                 self.assertIn(f"which know {100 * surface['known']:.1f} % of", self.browser.text("made"))
-                # The page in the frame has told its height, which it does when everything is drawn.
+                # The page in the frame reports its height when everything is drawn.
                 self.browser.wait_for("parseFloat(document.getElementById('inspect').style.height) > 1000")
                 self.assertEqual(content(self.browser.download("save")), content(self.folder / "page.html"))
 
@@ -276,7 +276,11 @@ class PageTest(unittest.TestCase):
         path.write_bytes(vellum("bake", self.tree, "-", "-q", "--level", "3"))
         self.browser.choose(self.tree)
         self.assertFalse(self.browser.shown("existing"))
+        self.browser.click("bake")
+        self.assertTrue(self.value("document.getElementById('inspect').src"))
         self.browser.choose(path)
+        # The result of the file before is released.
+        self.assertFalse(self.value("document.getElementById('inspect').src || document.getElementById('download').href"))
         self.browser.click("existing")
         self.assertFalse(self.browser.shown("download"))
         vellum("inspect", path, "--html", self.folder / "page.html", "--force", "-q")
@@ -289,15 +293,20 @@ class PageTest(unittest.TestCase):
         image = document["images"][0]
         view = document["bufferViews"][image.pop("bufferView")]
         start = view.get("byteOffset", 0)
-        (folder / "ima ges/leaf.png").write_bytes(binary[start:start + view["byteLength"]])
+        (folder / "ima ges/leaf.100%").write_bytes(binary[start:start + view["byteLength"]])
         image.pop("mimeType", None)
-        image["uri"], document["buffers"][0]["uri"] = "ima%20ges/leaf.png", "tree.bin"
+        image["uri"], document["buffers"][0]["uri"] = "./ima%20ges/leaf.100%", "tree.bin"
         (folder / "tree.bin").write_bytes(binary)
         path = folder / "tree.gltf"
         path.write_text(json.dumps(document))
         (folder / "notes.txt").write_text("no model")
+        # Only the files that the model names are read.
+        self.value("(() => { window.read = []; const real = File.prototype.arrayBuffer; File.prototype.arrayBuffer = function () {"
+                   "window.read.push(this.name); return real.call(this); }; })()")
+        (folder / "other.bin").write_bytes(bytes(1000))
         self.browser.drop(folder)
         self.assertEqual(self.browser.text("messages"), "")
+        self.assertEqual(self.value("window.read"), ["tree.gltf", "tree.bin", "leaf.100%"])
         self.check_sweep(path)
         self.check_bake(path)
         self.browser.choose(path)
@@ -305,7 +314,7 @@ class PageTest(unittest.TestCase):
                          "with the files that it names, or their folder.")
         self.assertFalse(self.browser.shown("settings"))
         self.browser.choose(path, folder / "tree.bin")
-        self.assertIn("leaf.png", self.browser.text("parts") + self.browser.text("messages"))
+        self.assertIn("leaf.100%", self.browser.text("parts") + self.browser.text("messages"))
         (folder / "other.glb").write_bytes(leaves())
         self.browser.drop(folder)
         self.assertEqual(self.value("[...document.querySelectorAll('#messages button')].map((e) => e.textContent).sort()"),
@@ -334,7 +343,7 @@ class PageTest(unittest.TestCase):
                 self.assertFalse(self.browser.shown("settings"))
         (self.folder / "readme.txt").write_text("no model")
         self.browser.choose(self.folder / "readme.txt")
-        self.assertEqual(self.browser.text("messages"), "readme.txt is no glTF file: its name would end with .glb or .gltf.")
+        self.assertEqual(self.browser.text("messages"), "readme.txt is not a glTF file; expected .glb or .gltf.")
         damaged = 0
         for seed in range(20):
             data, chance = bytearray(good), random.Random(seed)
@@ -373,12 +382,32 @@ class PageTest(unittest.TestCase):
         self.browser.wait_for("document.getElementById('progress').value > 0")
         self.assertFalse(self.value(IDLE))
         self.browser.click("cancel")
-        self.assertEqual(self.browser.text("status"), "Cancelled.")
+        self.assertEqual(self.browser.text("messages"), "Cancelled.")
         # What is shown are the settings that were compared before.
         self.assertEqual(self.value("document.getElementById('max-level').value"), "8")
         self.check_bake(path)
         self.browser.choose(self.tree)
         self.check_bake(self.tree)
+
+    def test_a_first_comparison_that_is_cancelled(self):
+        path = self.folder / "-first's.glb"
+        path.write_bytes(made_up.glb([("many", "leaves", made_up.holes(256), 160)]))
+        self.value("(() => { document.getElementById('max-level').value = 12; document.getElementById('folder').focus(); })()")
+        self.value("""(() => { const [doing, cancel] = ["doing", "cancel"].map((id) => document.getElementById(id));
+            window.watch = new MutationObserver(() => doing.textContent.startsWith("Comparing") &&
+                setTimeout(() => { cancel.focus(); cancel.click(); }, 100));
+            window.watch.observe(doing, { childList: true }); })()""")
+        self.browser.choose(path)
+        self.browser.wait()
+        self.assertEqual(self.browser.text("messages"), "Cancelled.")
+        self.assertEqual(self.value("document.activeElement.id"), "folder")
+        shown = [self.browser.shown(name) for name in ("max-level", "blend", "sweep", "bake", "existing", "command", "parts")]
+        self.assertEqual(shown, [True, True, False, False, False, False, False])
+        self.value("window.watch.disconnect()")
+        self.browser.set_highest_level(2)
+        self.browser.wait()
+        self.assertTrue(self.browser.text("command").startswith("vellum bake './-first'"))
+        self.check_sweep(path, "--max-level", "2")
 
     def test_another_file_replaces_the_one_that_is_read(self):
         path = self.folder / "first.glb"
@@ -392,6 +421,24 @@ class PageTest(unittest.TestCase):
         self.assertEqual((self.browser.text("messages"), self.browser.text("settings-title")), ("", "tree.glb"))
         self.check_sweep(self.tree, "--max-level", "12")
 
+    def test_drops_in_order_and_without_files(self):
+        drop = """(handle) => document.dispatchEvent(Object.assign(new Event("drop"),
+            { dataTransfer: { items: handle ? [{ kind: "file", getAsFileSystemHandle: handle }] : [] } }))"""
+        message = "No file was found. Choose or drop a .glb or .gltf file."
+        for handle in ("undefined", "async () => null", "async () => ({ kind: 'directory', name: 'empty', async *values() {} })"):
+            self.value(f"(document.getElementById('messages').replaceChildren(), ({drop})({handle}), undefined)")
+            self.browser.wait()
+            self.assertEqual(self.browser.text("messages"), message, handle)
+        # A folder that is read slowly, and then another one: the latter counts.
+        file = "{ kind: 'file', name: '%s.txt', getFile: async () => new File([], '%s.txt') }"
+        late = f"() => new Promise((done) => {{ window.late = () => done({file % ('late', 'late')}); }})"
+        self.value(f"(({drop})({late}), undefined)")
+        self.assertEqual((self.browser.text("doing"), self.value(IDLE)), ("Reading the folder", False))
+        self.value(f"(({drop})(async () => ({file % ('next', 'next')})), undefined)")
+        self.browser.wait()
+        self.value("(window.late(), new Promise((done) => setTimeout(done)))")
+        self.assertEqual(self.browser.text("messages"), "next.txt is not a glTF file; expected .glb or .gltf.")
+
     def test_a_worker_that_fails_is_replaced(self):
         self.value("""(() => { const Real = Worker; window.Worker = function (...rest) {
             window.Worker = Real;
@@ -399,16 +446,30 @@ class PageTest(unittest.TestCase):
             setTimeout(() => made.dispatchEvent(new ErrorEvent("error", { message: "it broke" })));
             return made; }; })()""")
         self.browser.choose(self.tree)
-        self.assertEqual(self.browser.text("messages"), "it broke")
+        self.assertEqual(self.browser.text("messages"), "tree.glb: this page failed (it broke).")
         self.browser.choose(self.tree)
         self.check_bake(self.tree)
+
+    def test_a_picture_that_is_too_large(self):
+        self.value("""(() => { const Real = Worker; window.Worker = function (...rest) {
+            const made = new Real(...rest);
+            const post = made.postMessage.bind(made);
+            const error = { code: "VELLUM_ERROR_OUT_OF_MEMORY", message: "out of memory", own: true };
+            made.postMessage = (message) => message.method !== "inspectPage" ? post(message) :
+                made.dispatchEvent(new MessageEvent("message", { data: { id: message.id, error } }));
+            return made; }; })()""")
+        self.browser.choose(self.tree)
+        self.browser.click("bake")
+        self.assertEqual(self.browser.text("messages"), "The bake is done and can be downloaded; its picture needs more memory "
+                         "than a page can have (4 GiB): use the command, vellum inspect.")
+        self.assertEqual(self.browser.download("download").read_bytes(), vellum("bake", self.tree, "-", "-q", *self.command()))
 
     def test_a_cancelled_picture_leaves_the_result(self):
         self.browser.choose(self.tree)
         self.value("""new MutationObserver(() => document.getElementById("doing").textContent.startsWith("Drawing") &&
             document.getElementById("cancel").click()).observe(document.getElementById("doing"), { childList: true })""")
         self.browser.click("bake")
-        self.assertEqual(self.browser.text("status"), "Cancelled.")
+        self.assertEqual(self.browser.text("messages"), "Cancelled.")
         shown = [self.browser.shown(name) for name in ("result", "download", "inspect", "save")]
         self.assertEqual(shown, [True, True, False, False])
         self.assertEqual(self.browser.download("download").read_bytes(), vellum("bake", self.tree, "-", "-q", *self.command()))
@@ -436,10 +497,14 @@ class PageTest(unittest.TestCase):
         self.browser.key(" ", 32)
         self.browser.wait_for(f"{IDLE} && document.getElementById('result').checkVisibility()")
         self.assertEqual(self.value("document.activeElement.id"), "result-title")
-        nameless = self.value("""[...document.querySelectorAll('a, button, select, input, progress, iframe, [role=region]')]
-            .filter((e) => !(e.textContent.trim() || e.getAttribute('aria-label') || e.title || e.labels?.[0].textContent.trim()))
-            .map((e) => e.outerHTML)""")
-        self.assertEqual(nameless, [])
+        self.check_names({"link", "button", "combobox", "checkbox", "radio", "region", "Iframe"})
+
+    def check_names(self, roles):
+        """Everything of these roles is there, and has a name for screen readers."""
+        nodes = [node for node in self.browser.call("Accessibility.getFullAXTree")["nodes"] if not node["ignored"]]
+        found = {node["role"]["value"]: node.get("name", {}).get("value", "") for node in nodes}
+        self.assertLessEqual(roles, found.keys())
+        self.assertEqual([node for node in nodes if node["role"]["value"] in roles and not node.get("name", {}).get("value")], [])
 
     def test_narrow_light_and_dark(self):
         grounds = set()

@@ -162,10 +162,8 @@ async function start() {
   });
   document.documentElement.dataset.ready = "true";
   // In a frame, the page around it makes the frame as high as this one.
-  if (parent !== window) {
-    document.documentElement.style.overflow = "hidden";
+  if (parent !== window)
     new ResizeObserver(() => parent.postMessage({ height: Math.ceil(document.documentElement.getBoundingClientRect().height) }, "*")).observe(document.body);
-  }
 }
 
 start().catch((error) => {
