@@ -142,6 +142,7 @@ function startPage() {
     say(doing);
     try {
       await work({ signal, onProgress });
+      signal.throwIfAborted();
       return own === running ? { done: true } : {};
     } catch (error) {
       if (own !== running) return {};
@@ -236,7 +237,6 @@ function startPage() {
         const found = byPath.get(normalized(folder + path));
         if (found) contents.push([path, await bytesOf(found)]);
       }
-      signal.throwIfAborted();
       model = { name: chosen.path.slice(folder.length), bytes, files: Object.fromEntries(contents) };
     });
     if (done) await compare();
@@ -256,10 +256,10 @@ function startPage() {
       sweep = { ...(await worker.sweepGltf(model.bytes, { ...files(), ...given, ...callbacks })), given };
     });
     if (error && sweep) [at('max-level').value, at('blend').checked] = [sweep.given.maxLevel, sweep.given.blend]; // what is shown
-    if (done) showParts();
     // Another level may succeed, unless it is the file that is wrong.
-    else if (error && !sweep && error.code !== 'VELLUM_ERROR_FILE') showOptions();
+    if (error && !sweep && error.code !== 'VELLUM_ERROR_FILE') showOptions();
     if (!done) return;
+    showParts();
     const any = sweep.rows.length > 0;
     showRowsIf(any);
     at('existing').hidden = !sweep.hadMicromaps;

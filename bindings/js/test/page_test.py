@@ -429,6 +429,11 @@ class PageTest(unittest.TestCase):
             self.value(f"(document.getElementById('messages').replaceChildren(), ({drop})({handle}), undefined)")
             self.browser.wait()
             self.assertEqual(self.browser.text("messages"), message, handle)
+        # What is dropped on the frame of the result is for the page.
+        over = "getComputedStyle(document.getElementById('inspect')).pointerEvents"
+        leave = "Object.assign(new Event('dragleave'), { relatedTarget: null })"
+        for event, expected in (("new Event('dragover')", "none"), (leave, "auto")):
+            self.assertEqual(self.value(f"(document.dispatchEvent({event}), {over})"), expected)
         # A folder that is read slowly, and then another one: the latter counts.
         file = "{ kind: 'file', name: '%s.txt', getFile: async () => new File([], '%s.txt') }"
         late = f"() => new Promise((done) => {{ window.late = () => done({file % ('late', 'late')}); }})"
