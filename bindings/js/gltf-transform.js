@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Micromaps for gltf-transform: the extension, omm(), and a configuration of its command line. gltf-transform.d.ts describes
 // it.
-import { Extension, ExtensionProperty, GLB_BUFFER, Logger, PropertyType, Verbosity, WebIO } from '@gltf-transform/core';
+import { Document, Extension, ExtensionProperty, GLB_BUFFER, Logger, PropertyType, Verbosity, WebIO } from '@gltf-transform/core';
 import { MicromapFormat, load } from './index.js';
 
 const NAME = 'EXT_mesh_opacity_micromap';
@@ -872,6 +872,9 @@ let loaded;
 
 export function omm({ vellum, encoder, onProgress, cancelled, signal, ...options } = {}) {
   return async function omm(document) {
+    // Its accessors would be of another class than those that are written to be baked.
+    if (!(document instanceof Document))
+      throw new Error('The document is of another copy of @gltf-transform/core than that of vellum-omm: install both in one folder.');
     await decodeImages(document, encoder);
     toLists(document, options);
     const baker = vellum ?? (await (loaded ??= load().catch((error) => {

@@ -124,6 +124,10 @@ async function tests() {
     }
   });
 
+  test('a document of another copy of gltf-transform is an error, and not a file without micromaps', async () => {
+    await assert.rejects(omm({ vellum })({ ...new core.Document() }), /another copy of @gltf-transform\/core/);
+  });
+
   test('what nothing changed is kept, and the rest of the file is what it is without micromaps', async () => {
     for (const name of Object.keys(models)) {
       const first = await io.writeBinary(await baked(name));
