@@ -402,8 +402,8 @@ function startPage() {
   async function inspect(bytes, name, { signal }, picture) {
     at('doing').textContent = `Drawing ${name}`;
     hide('inspect', 'save');
-    at('result').hidden = false;
-    at('result').scrollIntoView(); // what was baked can be downloaded, whatever becomes of the picture
+    at('result').hidden = false; // what was baked can be downloaded, whatever becomes of the picture
+    at('result').scrollIntoView();
     at('result-title').focus();
     const page = await worker.inspectPage(bytes, { name, files: model.files, signal }).catch((error) => {
       if (!isOutOfMemory(error)) throw error;

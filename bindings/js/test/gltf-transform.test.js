@@ -742,10 +742,10 @@ async function tests() {
       if (example.includes('.config.mjs')) writeFileSync(join(installed, 'gltf-transform.config.mjs'), example);
     }
     assert(isRight(verifyFile(join(work, 'tree.omm.glb')), 'example') > 0);
-    const lines = page.match(/^gltf-transform .*$/gm);
+    const lines = page.match(/^npx gltf-transform .*$/gm);
     assert(lines.length >= 2);
     for (const line of lines) {
-      const words = line.replace('gltf-transform.config.mjs', join(installed, 'gltf-transform.config.mjs')).split(' ').slice(1);
+      const words = line.replace('gltf-transform.config.mjs', join(installed, 'gltf-transform.config.mjs')).split(' ').slice(2);
       start(...words);
       assert(isRight(verifyFile(join(work, words[2])), line) > 0);
     }
