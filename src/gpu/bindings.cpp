@@ -9,7 +9,11 @@ void recordBindings(const Device &gpu, VkCommandBuffer commands, const Bindings 
     const auto size = static_cast<uint32_t>(bindings.constants.size());
     if (!maintenance6) {
         vkCmdBindDescriptorSets(commands, bindings.point, bindings.layout, 0, 1, &bindings.set, 0, nullptr);
-        vkCmdPushConstants(commands, bindings.layout, bindings.stages, 0, size, bindings.constants.data());
+        // In two parts, of which neither may replace the other.
+        const uint32_t first = size / 8 * 4;
+        vkCmdPushConstants(commands, bindings.layout, bindings.stages, 0, first, bindings.constants.data());
+        vkCmdPushConstants(commands, bindings.layout, bindings.stages, first, size - first,
+                           bindings.constants.subspan(first).data());
         return;
     }
     const auto sets = vkInit<VkBindDescriptorSetsInfoKHR>({.stageFlags = bindings.stages,

@@ -232,7 +232,12 @@ void HostCommands::run(const Command &command) const
 {
     if (!deferred_)
         return checkResult(command(VK_NULL_HANDLE), "a host command of micromaps");
-    checkResult(deferred(gpu_, command), "a deferred host command of micromaps");
+    VkResult returned = VK_SUCCESS;
+    checkResult(deferred(gpu_, [&](VkDeferredOperationKHR operation) { return returned = command(operation); }),
+                "a deferred host command of micromaps");
+    // vkBuildMicromapsEXT and others, Return Codes: VK_OPERATION_DEFERRED_KHR, VK_OPERATION_NOT_DEFERRED_KHR
+    if (returned == VK_SUCCESS)
+        throw std::runtime_error("a host command of micromaps returns VK_SUCCESS although it has a deferred operation");
 }
 
 void HostCommands::build(std::span<const VkMicromapBuildInfoEXT> infos) const

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <map>
 #include <utility>
 
 namespace vellum::gpu
@@ -183,6 +182,11 @@ VkDeviceSize startOf(const Buffer &buffer, VkDeviceSize alignment)
     return roundUp(buffer.address(), alignment) - buffer.address();
 }
 
+std::span<const uint8_t> handleOf(std::span<const uint8_t> handles, uint32_t group, VkDeviceSize size)
+{
+    return handles.subspan(static_cast<size_t>(group * size), static_cast<size_t>(size));
+}
+
 } // namespace
 
 BindingTable::BindingTable(Device &gpu, const RayPipeline &pipeline, const BindingRecords &records) : gpu_(gpu)
@@ -219,16 +223,22 @@ BindingTable::BindingTable(Device &gpu, const RayPipeline &pipeline, const Bindi
                      local ? Buffer::Place::Device : Buffer::Place::Host);
     std::vector<uint8_t> content(static_cast<size_t>(size));
     const VkDeviceSize start = startOf(buffer_, base);
-    std::map<uint32_t, std::vector<uint8_t>> handles;
+    // All groups up to the last one used, by one call.
+    uint32_t groups = 0;
+    for (const Part &part : parts)
+        for (const BindingRecord &record : part.records)
+            groups = std::max(groups, record.group ? *record.group + 1 : 0);
+    const std::vector<uint8_t> handles = pipeline.groupHandles(0, groups);
+    for (uint32_t group = 0; group < groups; ++group)
+        if (!std::ranges::equal(pipeline.groupHandles(group), handleOf(handles, group, handle)))
+            gpu.fault("the handle of group " + std::to_string(group) + " is another one alone than among those of all");
     for (Part &part : parts) {
         for (size_t i = 0; i < part.records.size(); ++i) {
             const BindingRecord &record = part.records[i];
             uint8_t *at = content.data() + part.offset + i * part.stride;
             if (record.group) {
-                std::vector<uint8_t> &bytes = handles[*record.group];
-                if (bytes.empty())
-                    bytes = pipeline.groupHandles(*record.group);
-                std::memcpy(at, bytes.data(), static_cast<size_t>(handle));
+                const std::span<const uint8_t> bytes = handleOf(handles, *record.group, handle);
+                std::memcpy(at, bytes.data(), bytes.size());
             }
             if (record.data.size() > records.dataWords)
                 throw std::runtime_error("too much data in a binding table record");

@@ -114,6 +114,15 @@ const Break kBreaks[] = {
          c.trace.query = TracePlan::Query::Array;
          c.trace.byAddress = true;
      })},
+    {"needs a ray query in the compute stage", kAlwaysPossible([](Case &c) {
+         c.trace.query = TracePlan::Query::Plain;
+         c.trace.optimized = true;
+         c.trace.byAddress = true;
+     })},
+    {"no such entry point", kAlwaysPossible([](Case &c) { c.trace.otherEntry = static_cast<OtherEntry>(4); })},
+    {"shares a function that ends a task shader", kAlwaysPossible([](Case &c) {
+         c.trace = {.stage = VK_SHADER_STAGE_TASK_BIT_EXT, .otherEntry = OtherEntry::SharedAfter};
+     })},
     {"library 1 is no part before", kAlwaysPossible([](Case &c) {
          c.trace.pipeline.parts = {{{0}, {}, {1}}, {}};
      })},

@@ -82,9 +82,16 @@ TEST(Shaders, OfTheTracerAreValidInEveryForm)
             }
         }
         using gpu::OtherEntry;
-        for (const OtherEntry other : {OtherEntry::Empty, OtherEntry::SharedBefore, OtherEntry::SharedAfter})
-            EXPECT_EQ(validate(gpu::withOtherEntry(words, gpu::Mode::Absent, other)), "")
-                << file << ", other entry point " << static_cast<int>(other);
+        for (const OtherEntry other : {OtherEntry::Empty, OtherEntry::SharedBefore, OtherEntry::SharedAfter}) {
+            const std::string where = file.string() + ", other entry point " + std::to_string(static_cast<int>(other));
+            EXPECT_EQ(validate(gpu::withOtherEntry(words, gpu::Mode::Absent, other)), "") << where;
+            for (const gpu::Mode mode : {gpu::Mode::True, gpu::Mode::False, gpu::Mode::Specialized}) {
+                const Module with = gpu::withMode(words, mode, 9);
+                const gpu::Mode opposite = mode == gpu::Mode::True ? gpu::Mode::False : gpu::Mode::True;
+                EXPECT_EQ(validate(withKnownMode(gpu::withOtherEntry(with, opposite, other))), "")
+                    << where << ", mode " << static_cast<int>(mode);
+            }
+        }
         ++edited;
     }
     EXPECT_GT(edited, 70u) << "of those listed in " << VELLUM_SHADERS;

@@ -509,7 +509,9 @@ void Account::writeTracePlan()
             line("The ray query is initialized in two places, of which rays take one.");
             break;
         case TracePlan::Query::Condition: line("The condition of the loop also counts."); break;
-        case TracePlan::Query::Carried: line("The loop exchanges values, and goes on in two places."); break;
+        case TracePlan::Query::Carried:
+            line("The loop swaps two values in each iteration, and has two continue paths.");
+            break;
         }
         if (trace.shaderObjects)
             line("The shader is a shader object.");
@@ -517,7 +519,9 @@ void Account::writeTracePlan()
             line("The module is optimized by spirv-opt.");
         if (trace.otherEntry != OtherEntry::None)
             line("The module has another entry point, whose execution mode is the opposite{}.",
-                 trace.otherEntry == OtherEntry::Empty ? "" : ", and which calls the same function");
+                 trace.otherEntry == OtherEntry::Empty          ? ""
+                 : trace.otherEntry == OtherEntry::SharedBefore ? "; it comes first, and calls the same function"
+                                                                : "; it comes second, and calls the same function");
         return;
     }
     if (trace.from != standard.from)

@@ -181,7 +181,8 @@ struct TracePlan {
     VkShaderStageFlagBits stage = VK_SHADER_STAGE_COMPUTE_BIT;
     Flags flags = Flags::RunTime;
     Mode mode = Mode::True;
-    // Query: with VK_KHR_opacity_micromap it declares the other value of the mode. Task shaders cannot share.
+    // Query: with VK_KHR_opacity_micromap, the other entry point declares the other value of the mode. Task shaders
+    // have no function to share.
     OtherEntry otherEntry = OtherEntry::None;
     bool byAddress = false;     // the acceleration structure is a device address instead of a descriptor
     bool inlineModules = false; // VkShaderModuleCreateInfo in the stages' pNext
@@ -190,8 +191,8 @@ struct TracePlan {
     // Pipeline, descriptors and push constants are bound before the builds of the same command buffer.
     bool boundFirst = false;
     bool maintenance6 = false;  // by vkCmdBindDescriptorSets2KHR and vkCmdPushConstants2KHR
-    Query query = Query::Plain; // Query; other than Plain: in the compute stage, of a descriptor
-    // Query: the module went through spirv-opt: in the compute stage, of a descriptor, with flags of run time.
+    Query query = Query::Plain; // Query; other than Plain: in the compute stage, not byAddress
+    // Query: the module went through spirv-opt; in the compute stage, not byAddress, with flags of run time.
     bool optimized = false;
     bool signedFlags = false;   // ray flags are a signed integer
     bool shaderObjects = false; // Query, in a compute shader: VK_EXT_shader_object

@@ -196,6 +196,7 @@ std::span<const uint32_t> queryModule(TracePlan::Query query, bool specialized, 
     default: return of(FORMS(tracer_comp));
     }
 }
+#undef FORMS
 
 std::span<const uint32_t> tracingModule(VkShaderStageFlagBits stage, TracePlan::Flags flags, bool byAddress)
 {

@@ -45,7 +45,19 @@ Case copies(Random &random, const DeviceLimits &limits)
 Case serialization(Random &random, const DeviceLimits &limits)
 {
     constexpr std::array kinds{Kind::ReloadObject, Kind::ReloadMicromap, Kind::ReloadMicromap, Kind::ReloadTop};
-    return withSteps(random, limits, kinds, 3);
+    Case c = withSteps(random, limits, kinds, 3);
+    // Micromaps with data of the same size, whose states differ.
+    if (!c.scene.micromaps.empty() && chance(random, 40)) {
+        const auto longest =
+            std::ranges::max(c.scene.micromaps, {}, [](const auto &micromap) { return micromap.triangles.size(); });
+        for (oracle::SceneMicromap &micromap : c.scene.micromaps) {
+            micromap.triangles = longest.triangles;
+            for (oracle::MicromapTriangle &triangle : micromap.triangles)
+                for (uint8_t &state : triangle.states)
+                    state = static_cast<uint8_t>(below(random, triangle.format == kTwoState ? 2 : 4));
+        }
+    }
+    return c;
 }
 
 Case updates(Random &random, const DeviceLimits &limits)

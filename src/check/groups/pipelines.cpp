@@ -224,7 +224,7 @@ Case bindingTables(Random &random, const DeviceLimits &limits)
         else
             pipeline.otherTables.push_back(table);
     }
-    c.trace.tablesInPlace = chance(random, 20);
+    c.trace.tablesInPlace = !pipeline.otherTables.empty() && chance(random, 30);
     // One record for all hits, which are then all on triangles.
     if (chance(random, 15)) {
         const auto triangles =
@@ -268,6 +268,7 @@ Case severalPipelines(Random &random, const DeviceLimits &limits)
     Case c = pipelineCase(random, limits, 32);
     c.trace.from = chance(random, 20) ? randomFrom(random) : From::RayGeneration;
     c.trace.tablesInPlace = chance(random, 40);
+    c.trace.maintenance6 = limits.maintenance6 && chance(random, 20);
     const auto randomPipeline = [&] {
         PipelinePlan pipeline;
         if (chance(random, 30))
@@ -276,7 +277,7 @@ Case severalPipelines(Random &random, const DeviceLimits &limits)
         pipeline.table = randomTable(random, pipeline);
         if (chance(random, c.trace.tablesInPlace ? 90 : 40)) {
             TablePlan other = randomTable(random, pipeline);
-            // Only the groups of records differ, so that each record is at the same address.
+            // Only the groups and data of records differ, so that each record is at the same address.
             if (c.trace.tablesInPlace) {
                 other.content = pipeline.table.content;
                 other.misses = pipeline.table.misses;

@@ -156,7 +156,6 @@ Limits smallScene(const DeviceLimits &limits)
     return {.maxLevel = 5,
             .rays = 160,
             .byteIndices = limits.byteIndices,
-            .oddStrides = limits.oddStrides(),
             .objects = 3,
             .meshes = 3,
             .instances = 5,

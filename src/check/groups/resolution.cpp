@@ -256,6 +256,13 @@ Case queryObjects(Random &random, const DeviceLimits &limits)
     // In an array, the other query has constant flags, which differ then.
     if (!c.trace.optimized && chance(random, c.trace.query == TracePlan::Query::Array ? 80 : 30))
         fixFlags(random, c);
+    c.trace.optimized = chance(random, 40);
+    c.trace.shaderObjects = (c.trace.query == TracePlan::Query::Plain && !c.trace.optimized) || chance(random, 20);
+    c.trace.signedFlags = chance(random, 25);
+    c.trace.maintenance6 = limits.maintenance6 && chance(random, 20);
+    // In an array, the other query has constant flags, which differ then.
+    if (!c.trace.optimized && chance(random, c.trace.query == TracePlan::Query::Array ? 80 : 30))
+        fixFlags(random, c);
     c.trace.shaderObjects = c.trace.query == TracePlan::Query::Plain || chance(random, 20);
     terminateSome(random, c.scene);
     setRecords(random, c);

@@ -301,9 +301,9 @@ Case highestCompacted(Random &random, const DeviceLimits &limits)
 
 Case highestOnHost(Random &random, const DeviceLimits &limits)
 {
-    Case c = highestCopied(random, limits);
     if (!limits.hostCommands)
-        return c;
+        return highestLevel(random, kTwoState, limits.maxLevel2);
+    Case c = highestCopied(random, limits);
     c.build.micromaps = BuildCommand::Host;
     buildableOnHost(c.scene);
     for (Step &step : c.steps)

@@ -4,8 +4,6 @@
 
 #include "gpu/device.h"
 
-#include <memory>
-
 namespace vellum::gpu
 {
 

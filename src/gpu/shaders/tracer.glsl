@@ -216,7 +216,7 @@ void traceRay(uint id)
     }
 #elif defined(CARRIED)
     INITIALIZE(query, FLAGS(ray));
-    uint even = 0u, odd = 1u, kept = 0u, refused = 0u;
+    uint even = 0u, odd = 1u, kept = 0u, rejected = 0u;
     for (; rayQueryProceedEXT(query); ++kept) {
         CANDIDATE(query)
         const uint swapped = even;
@@ -224,7 +224,7 @@ void traceRay(uint id)
         odd = swapped;
         if ((c.bits & 8u) != 0u)
             continue;
-        ++refused;
+        ++rejected;
         --kept;
     }
 #else
@@ -239,7 +239,7 @@ void traceRay(uint id)
         r.frontFace |= 32u;
 #endif
 #ifdef CARRIED
-    if (even != (count & 1u) || odd != 1u - even || kept + refused != count)
+    if (even != (count & 1u) || odd != 1u - even || kept + rejected != count)
         r.frontFace |= 32u;
 #endif
 #ifdef IN_ARRAY
