@@ -36,7 +36,7 @@ class TestGpu(unittest.TestCase):
         return ran, {row[0].lstrip("| "): row[2] for row in rows[1:]}
 
     def test_without_ray_queries(self):
-        ran, results = self.run_parts("--minutes", "4.5", "info", "queries", "pipelines", "baker")
+        ran, results = self.run_parts("--minutes", "9.5", "info", "queries", "pipelines", "baker")
         self.assertEqual(results, {"info": "passed", "queries": "not supported", "pipelines": "passed", "baker": "passed"},
                          ran.stdout)
         self.assertEqual(ran.returncode, 0, ran.stderr)
