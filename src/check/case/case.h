@@ -172,8 +172,8 @@ struct TracePlan {
     // How a shader uses its ray query. Array: one of two queries in an array. Functions: functions that get it as a
     // parameter initialize it, proceed and read it. Again: it is initialized with other flags and proceeds before.
     // Sites: it is initialized and proceeds in two locations, of which rays take either. Getters: origins, directions
-    // and transforms are read as well. Condition: the condition of its loop also counts. Carried: its loop goes on in
-    // two places and exchanges values.
+    // and transforms are read as well. Condition: the condition of its loop also counts. Carried: its loop swaps
+    // two values in each iteration, and has two continue paths.
     enum class Query { Plain, Array, Functions, Again, Sites, Getters, Condition, Carried };
 
     Method method = Method::Query;

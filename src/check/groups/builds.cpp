@@ -68,12 +68,9 @@ void makeNearlyEqual(Random &random, oracle::Scene &scene, uint32_t micromap)
     std::vector<oracle::MicromapTriangle> &triangles = scene.micromaps[micromap].triangles;
     for (uint32_t t = 0; t < triangles.size(); ++t) {
         if (t > 0 && chance(random, 15)) {
-            oracle::MicromapTriangle &two = triangles[t - 1];
-            two = {.level = kRequiredLevel, .format = kTwoState, .states = {}};
-            for (uint32_t i = 0; i < 1u << (2 * kRequiredLevel); ++i)
-                two.states.push_back(static_cast<uint8_t>(below(random, 2)));
-            triangles[t] = sameDataOfFourStates(two);
-            const uint32_t place = below(random, static_cast<uint32_t>(two.states.size()));
+            triangles[t - 1] = oracle::mixedTriangle(random, kRequiredLevel, kTwoState);
+            triangles[t] = sameDataOfFourStates(triangles[t - 1]);
+            const uint32_t place = below(random, 1u << (2 * kRequiredLevel));
             aimAtAll(scene, micromap, t, place);
             aimAtAll(scene, micromap, t - 1, place);
             continue;

@@ -53,8 +53,7 @@ Case serialization(Random &random, const DeviceLimits &limits)
         for (oracle::SceneMicromap &micromap : c.scene.micromaps) {
             micromap.triangles = longest.triangles;
             for (oracle::MicromapTriangle &triangle : micromap.triangles)
-                for (uint8_t &state : triangle.states)
-                    state = static_cast<uint8_t>(below(random, triangle.format == kTwoState ? 2 : 4));
+                triangle = oracle::mixedTriangle(random, triangle.level, triangle.format);
         }
     }
     return c;

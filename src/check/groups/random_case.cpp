@@ -114,8 +114,7 @@ std::vector<oracle::MicromapTriangle> otherStates(Random &random, const oracle::
     if (sameSize) {
         std::vector<oracle::MicromapTriangle> triangles = micromap.triangles;
         for (oracle::MicromapTriangle &triangle : triangles)
-            for (uint8_t &state : triangle.states)
-                state = static_cast<uint8_t>(below(random, triangle.format == kTwoState ? 2 : 4));
+            triangle = oracle::mixedTriangle(random, triangle.level, triangle.format);
         return triangles;
     }
     std::vector<oracle::MicromapTriangle> triangles;

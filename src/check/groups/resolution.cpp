@@ -63,15 +63,6 @@ void addRow(Random &random, oracle::Scene &scene, uint32_t triangles, uint32_t l
     }
 }
 
-oracle::MicromapTriangle fineTriangle(Random &random, uint32_t level, uint16_t format)
-{
-    oracle::MicromapTriangle triangle{.level = level, .format = format};
-    triangle.states.resize(size_t{1} << (2 * level));
-    for (uint8_t &state : triangle.states)
-        state = static_cast<uint8_t>(below(random, format == kTwoState ? 2 : 4));
-    return triangle;
-}
-
 // A few triangles with fine micromaps of both formats, up to the limits of the device.
 Case levels(Random &random, const DeviceLimits &limits)
 {
@@ -87,8 +78,8 @@ Case levels(Random &random, const DeviceLimits &limits)
     micromap.flags = flags[below(random, flags.size())];
     for (uint32_t i = 0; i < triangles; ++i) {
         const uint16_t format = i % 2 == (two ? 0u : 1u) ? kTwoState : kFourState;
-        micromap.triangles.push_back(
-            fineTriangle(random, std::min(level, format == kTwoState ? limits.maxLevel2 : limits.maxLevel4), format));
+        micromap.triangles.push_back(oracle::mixedTriangle(
+            random, std::min(level, format == kTwoState ? limits.maxLevel2 : limits.maxLevel4), format));
     }
     addRow(random, c.scene, triangles, level, 48);
     oracle::MeshMicromap &use = c.scene.objects[0].meshes[0].micromap.emplace();
@@ -163,7 +154,7 @@ oracle::Scene lossyRow(Random &random, const DeviceLimits &limits)
     const uint32_t triangles = level > 9 ? 1 : level > 6 ? 2 : 6;
     for (uint32_t i = 0; i < triangles; ++i)
         micromap.triangles.push_back(chance(random, 80) ? patchyTriangle(random, level, below(random, level + 1))
-                                                        : fineTriangle(random, level, kFourState));
+                                                        : oracle::mixedTriangle(random, level, kFourState));
     constexpr std::array<VkBuildMicromapFlagsEXT, 3> flags{0, VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT,
                                                            VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT};
     micromap.flags = kLossy | flags[below(random, flags.size())];
@@ -252,18 +243,12 @@ Case queryObjects(Random &random, const DeviceLimits &limits)
                                TracePlan::Query::Condition, TracePlan::Query::Carried};
     c.trace.query = forms[below(random, forms.size())];
     c.trace.optimized = chance(random, 40);
-    c.trace.signedFlags = chance(random, 15);
-    // In an array, the other query has constant flags, which differ then.
-    if (!c.trace.optimized && chance(random, c.trace.query == TracePlan::Query::Array ? 80 : 30))
-        fixFlags(random, c);
-    c.trace.optimized = chance(random, 40);
     c.trace.shaderObjects = (c.trace.query == TracePlan::Query::Plain && !c.trace.optimized) || chance(random, 20);
     c.trace.signedFlags = chance(random, 25);
     c.trace.maintenance6 = limits.maintenance6 && chance(random, 20);
     // In an array, the other query has constant flags, which differ then.
     if (!c.trace.optimized && chance(random, c.trace.query == TracePlan::Query::Array ? 80 : 30))
         fixFlags(random, c);
-    c.trace.shaderObjects = c.trace.query == TracePlan::Query::Plain || chance(random, 20);
     terminateSome(random, c.scene);
     setRecords(random, c);
     return c;

@@ -314,6 +314,15 @@ uint32_t randomTriangleStride(Random &random, bool odd)
     return odd ? 8 + below(random, 28) : 8 + 4 * below(random, 7);
 }
 
+MicromapTriangle mixedTriangle(Random &random, uint32_t level, uint16_t format)
+{
+    MicromapTriangle triangle{.level = level, .format = format};
+    triangle.states.resize(size_t{1} << (2 * level));
+    for (uint8_t &state : triangle.states)
+        state = static_cast<uint8_t>(below(random, format == kTwoState ? 2 : 4));
+    return triangle;
+}
+
 MicromapTriangle randomTriangle(Random &random, uint32_t maxLevel)
 {
     MicromapTriangle triangle;

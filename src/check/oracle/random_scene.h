@@ -36,6 +36,8 @@ Scene randomScene(Random &random, const Limits &limits);
 uint32_t randomTriangleStride(Random &random, bool odd);
 // The parts of that.
 MicromapTriangle randomTriangle(Random &random, uint32_t maxLevel);
+// Each of its states is random, without uniform stretches.
+MicromapTriangle mixedTriangle(Random &random, uint32_t level, uint16_t format);
 // The use of a micromap of the scene, which must not be empty, or a null one, by a mesh of that many triangles.
 MeshMicromap randomUse(Random &random, const Scene &scene, uint32_t triangles, const Limits &limits);
 Ray randomRay(Random &random, const Limits &limits);
