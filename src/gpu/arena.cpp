@@ -60,6 +60,19 @@ bool Arena::intactBeside(const Place &place) const
     return !blocks_[place.block]->pieces.damageBeside(static_cast<size_t>(place.offset));
 }
 
+void Arena::expectConsistent(const Place &place, VkDeviceAddress address)
+{
+    const std::lock_guard lock(mutex_);
+    const VkDeviceAddress begin = address - place.offset;
+    const VkDeviceAddress others = blocks_[place.block]->generic.value_or(begin);
+    blocks_[place.block]->generic = begin;
+    if (begin != others)
+        gpu_.fault("addresses of GENERIC structures in one buffer do not differ as their offsets do "
+                   "(vkGetAccelerationStructureDeviceAddressKHR): the structure at offset " +
+                   std::to_string(place.offset) + " is " + std::to_string(static_cast<int64_t>(begin - others)) +
+                   " bytes from where it should be");
+}
+
 void Arena::expectIntact(const std::string &when) const
 {
     const std::lock_guard lock(mutex_);
@@ -135,7 +148,8 @@ Arena::Counts Arena::counts() const
     return counts;
 }
 
-Guarded::Guarded(Device &gpu, VkDeviceSize size, VkDeviceSize alignment, VkBufferUsageFlags usage) : size_(size)
+Guarded::Guarded(Device &gpu, VkDeviceSize size, VkDeviceSize alignment, VkBufferUsageFlags usage, bool last)
+    : size_(size)
 {
     if (gpu.arena() != nullptr && gpu.arena()->packs(usage)) {
         arena_ = gpu.arena();
@@ -148,8 +162,14 @@ Guarded::Guarded(Device &gpu, VkDeviceSize size, VkDeviceSize alignment, VkBuffe
         place_.offset = alignUp(own_.address(), alignment) - own_.address();
         return;
     }
-    own_ = Buffer(gpu, size + 2 * kGuard + alignment, usage);
-    place_.offset = alignUp(own_.address() + kGuard, alignment) - own_.address();
+    const auto offset = [&] { return alignUp(own_.address() + kGuard, alignment) - own_.address(); };
+    own_ = Buffer(gpu, size + kGuard + (last ? 0 : kGuard + alignment), usage);
+    // The address of a buffer is known when it exists.
+    for (int attempt = 0; last && offset() + size != own_.size() && attempt < 4; ++attempt)
+        own_ = Buffer(gpu, offset() + size, usage);
+    if (offset() + size > own_.size())
+        own_ = Buffer(gpu, size + kGuard + alignment, usage);
+    place_.offset = offset();
     std::memset(own_.bytes(), kGuardByte, static_cast<size_t>(own_.size()));
 }
 
@@ -208,7 +228,7 @@ void Guarded::swap(Guarded &other) noexcept
 Guarded uploadAligned(Device &gpu, const void *content, VkDeviceSize size, VkBufferUsageFlags usage,
                       VkDeviceSize alignment)
 {
-    Guarded buffer(gpu, size, alignment, usage | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    Guarded buffer(gpu, size, alignment, usage | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT, true);
     buffer.write(0, content, static_cast<size_t>(size));
     return buffer;
 }

@@ -32,6 +32,8 @@ public:
     // Frees the memory at once: no work that uses it may be pending. Expects that the guard bytes around it are intact.
     void give(const Place &place);
     [[nodiscard]] bool intactBeside(const Place &place) const;
+    // Expects that the address of a GENERIC structure differs from those of others in its buffer as their offsets do.
+    void expectConsistent(const Place &place, VkDeviceAddress address);
     void expectIntact(const std::string &when) const;
 
     // The contents of the arena before an operation, to compare with those afterwards: all but the ranges that the
@@ -62,6 +64,7 @@ private:
         }
         Buffer buffer;
         Pieces pieces;
+        std::optional<VkDeviceAddress> generic; // of GENERIC structures: address - offset
     };
     [[nodiscard]] VkBufferUsageFlags usage() const;
 
@@ -72,12 +75,12 @@ private:
 };
 
 // A piece of given size and alignment with guard bytes around it: of the arena where the device has one, else in the
-// middle of a buffer of its own. Memory::DeviceLocal has no guard bytes.
+// middle of a buffer of its own, or `last` in it, without guard bytes behind. Memory::DeviceLocal has no guard bytes.
 class Guarded
 {
 public:
     Guarded() = default;
-    Guarded(Device &gpu, VkDeviceSize size, VkDeviceSize alignment, VkBufferUsageFlags usage);
+    Guarded(Device &gpu, VkDeviceSize size, VkDeviceSize alignment, VkBufferUsageFlags usage, bool last = false);
     Guarded(Guarded &&other) noexcept { swap(other); }
     Guarded &operator=(Guarded &&other) noexcept
     {
@@ -104,6 +107,12 @@ public:
     void write(VkDeviceSize offset, const void *content, size_t size);
     [[nodiscard]] VkDeviceMemory memory() const { return whole().memory(); }
     [[nodiscard]] Arena::Range range() const { return {address(), size_}; }
+    // Expects what Arena::expectConsistent does, where memory is packed.
+    void expectConsistent(VkDeviceAddress address) const
+    {
+        if (arena_ != nullptr)
+            arena_->expectConsistent(place_, address);
+    }
     [[nodiscard]] bool intact() const;
     // Describes, in parentheses, the writes to memory around it.
     [[nodiscard]] std::string damage() const;
@@ -119,7 +128,8 @@ private:
     bool toTheEnd_ = false;
 };
 
-// Content at an address that is a multiple of 256, or of what is said.
+// Content at an address that is a multiple of 256, or of what is said. Nothing of its buffer is behind it, unless
+// memory is packed: no build may read, or demand, more than what it is given.
 Guarded uploadAligned(Device &gpu, const void *content, VkDeviceSize size, VkBufferUsageFlags usage,
                       VkDeviceSize alignment = 256);
 

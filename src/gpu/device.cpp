@@ -56,6 +56,11 @@ constexpr std::array<NewerExtension, 9> kNewerExtensions{{
     {"VK_KHR_maintenance6", 1000545000},
 }};
 
+uint64_t privateValue(uint64_t object, size_t slot)
+{
+    return (object * 2 + slot + 1) * 0x9e3779b97f4a7c15;
+}
+
 } // namespace
 
 VkResult deferred(const Device &gpu, const std::function<VkResult(VkDeferredOperationKHR)> &command)
@@ -125,6 +130,9 @@ Device::~Device()
     kept_.clear();
     arena_.reset();
     deviceMemory_.reset();
+    for (const VkPrivateDataSlot slot : privateData_)
+        if (slot != VK_NULL_HANDLE)
+            commands_.DestroyPrivateDataSlot(device_, slot, nullptr);
     vkDestroyCommandPool(device_, pool_, nullptr);
     vkDestroyDevice(device_, nullptr);
 }
@@ -137,6 +145,30 @@ Device &Device::twin()
         twin_ = std::make_unique<Device>(instance_.options(), std::move(options));
     }
     return *twin_;
+}
+
+void Device::keepPrivateData(VkObjectType type, uint64_t handle)
+{
+    for (size_t i = 0; i < privateData_.size(); ++i) {
+        if (privateData_[i] == VK_NULL_HANDLE)
+            continue;
+        uint64_t before = 1;
+        commands_.GetPrivateData(device_, type, handle, privateData_[i], &before);
+        if (before != 0)
+            fault("vkGetPrivateData: a new object has a value that is not 0");
+        CHECK_VK(commands_.SetPrivateData(device_, type, handle, privateData_[i], privateValue(handle, i)));
+    }
+}
+
+void Device::expectPrivateData(VkObjectType type, uint64_t handle)
+{
+    for (size_t i = 0; i < privateData_.size(); ++i) {
+        uint64_t value = privateValue(handle, i);
+        if (privateData_[i] != VK_NULL_HANDLE)
+            commands_.GetPrivateData(device_, type, handle, privateData_[i], &value);
+        if (value != privateValue(handle, i))
+            fault("vkGetPrivateData: a value other than that which was set");
+    }
 }
 
 void Device::fault(const std::string &what)
@@ -315,6 +347,9 @@ void Device::createDevice()
     auto pool = vkInit<VkCommandPoolCreateInfo>(
         {.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT, .queueFamilyIndex = family_});
     CHECK_VK(vkCreateCommandPool(device_, &pool, nullptr, &pool_));
+    const auto slot = vkInit<VkPrivateDataSlotCreateInfo>();
+    for (size_t i = 0; options_.privateData && vulkan13.privateData != VK_FALSE && i < privateData_.size(); ++i)
+        CHECK_VK(commands_.CreatePrivateDataSlot(device_, &slot, nullptr, &privateData_[i]));
 
     auto limits = vkInit<VkPhysicalDeviceAccelerationStructurePropertiesKHR>();
     pipelineProperties_ = vkInit<VkPhysicalDeviceRayTracingPipelinePropertiesKHR>();

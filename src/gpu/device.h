@@ -43,6 +43,7 @@ struct DeviceOptions {
     bool declaresMode = true;     // with Api::Khr: modules with ray queries get the execution mode of micromaps
     bool addressReplay = true;    // enable bufferDeviceAddressCaptureReplay, where the device has it
     bool allQueueFamilies = true; // a queue of each family, or only of the one that is used
+    bool privateData = false;     // structures and micromaps keep private data (Device::keepPrivateData)
     // Buffers for acceleration structures have VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT. The rule that demands it
     // (VUID-VkAccelerationStructureCreateInfoKHR-pInfo-09542, by its number) is younger than the extension.
     bool addressedStructures = true;
@@ -56,6 +57,10 @@ struct DeviceOptions {
     X(DestroyDebugUtilsMessengerEXT)
 
 #define CHECK_DEVICE_COMMANDS(X)                                                                                       \
+    X(CreatePrivateDataSlot)                                                                                           \
+    X(DestroyPrivateDataSlot)                                                                                          \
+    X(SetPrivateData)                                                                                                  \
+    X(GetPrivateData)                                                                                                  \
     X(CreateMicromapEXT)                                                                                               \
     X(DestroyMicromapEXT)                                                                                              \
     X(GetMicromapBuildSizesEXT)                                                                                        \
@@ -330,6 +335,10 @@ public:
 
     // Usage of buffers for acceleration structures (DeviceOptions::addressedStructures).
     [[nodiscard]] VkBufferUsageFlags structureUsage() const;
+    // Gives a new object values in two private data slots, which it must keep until it is destroyed. Nothing without
+    // DeviceOptions::privateData, or without the feature.
+    void keepPrivateData(VkObjectType type, uint64_t handle);
+    void expectPrivateData(VkObjectType type, uint64_t handle);
     // Reports what is wrong: to DeviceOptions::onFault, or keeps it for takeFaults.
     void fault(const std::string &what);
     // The faults that were reported and kept since the last call.
@@ -353,6 +362,7 @@ private:
     std::unique_ptr<MemoryPool> deviceMemory_;
     std::unique_ptr<Device> twin_;
     VkCommandPool pool_ = VK_NULL_HANDLE;
+    std::array<VkPrivateDataSlot, 2> privateData_{};
     std::map<std::type_index, std::shared_ptr<void>> kept_;
     Commands commands_;
     std::vector<std::string> extensions_;

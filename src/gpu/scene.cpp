@@ -75,6 +75,30 @@ std::vector<uint8_t> packIndices(const Attachment &attachment, VkDeviceSize stri
     return packed;
 }
 
+// The address of a structure, and of a micromap of VK_KHR_opacity_micromap. "If the acceleration structure was created
+// with vkCreateAccelerationStructure2KHR, the return value will be the same address as addressRange.address"; "The
+// returned address must be aligned to 256 bytes" (vkGetAccelerationStructureDeviceAddressKHR). created: that address,
+// or 0
+VkDeviceAddress addressOf(Device &gpu, VkAccelerationStructureKHR structure, VkDeviceAddress created)
+{
+    auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = structure});
+    const VkDeviceAddress address = gpu.vk().GetAccelerationStructureDeviceAddressKHR(gpu.device(), &query);
+    if (created != 0 && address != created)
+        gpu.fault(
+            "vkGetAccelerationStructureDeviceAddressKHR: an address other than that of the structure's creation (" +
+            std::to_string(static_cast<int64_t>(address - created)) + " bytes from it)");
+    if (address % 256 != 0)
+        gpu.fault("vkGetAccelerationStructureDeviceAddressKHR: an address that is no multiple of 256");
+    return address;
+}
+
+std::pair<VkObjectType, uint64_t> objectOf(const MicromapHandle &micromap)
+{
+    if (micromap.khr != VK_NULL_HANDLE)
+        return {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(micromap.khr)};
+    return {VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(micromap.ext)};
+}
+
 } // namespace
 
 uint32_t MicromapInput::add(uint32_t level, uint16_t format, std::span<const uint8_t> states)
@@ -208,6 +232,10 @@ void Micromap::create(VkDeviceSize size)
                              storage_.handleSize(),
                              storage_.handleSize() != size ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR
                                                            : VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
+    if (handle_.khr != VK_NULL_HANDLE)
+        addressOf(gpu_, handle_.khr, storage_.address());
+    const auto [type, object] = objectOf(handle_);
+    gpu_.keepPrivateData(type, object);
 }
 
 Micromap::~Micromap()
@@ -218,6 +246,9 @@ Micromap::~Micromap()
         gpu_.fault("a micromap build wrote beyond its scratch memory" + scratch_->damage());
     if (scratch_ && !(data_.intact() && triangles_.intact()))
         gpu_.fault("a micromap build wrote to its input");
+    const auto [type, object] = objectOf(handle_);
+    if (object != 0)
+        gpu_.expectPrivateData(type, object);
     destroyMicromap(gpu_, handle_);
 }
 
@@ -270,8 +301,16 @@ uint32_t Geometry::primitives() const
 
 Structure::~Structure()
 {
+    destroy();
+}
+
+void Structure::destroy()
+{
     checkGuards();
+    if (structure_ != VK_NULL_HANDLE)
+        gpu_.expectPrivateData(VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(structure_));
     gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), structure_, nullptr);
+    structure_ = VK_NULL_HANDLE;
 }
 
 void Structure::checkGuards() const
@@ -290,10 +329,7 @@ void Structure::placeIn(VkBuffer buffer, VkDeviceSize offset)
 
 void Structure::create(VkDeviceSize size)
 {
-    if (structure_ != VK_NULL_HANDLE) {
-        checkGuards();
-        gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), structure_, nullptr);
-    }
+    destroy();
     size_ = size;
     if (placedBuffer_ == VK_NULL_HANDLE)
         storage_ = reusedStorage_ && reusedStorage_->size() >= size_
@@ -305,9 +341,20 @@ void Structure::create(VkDeviceSize size)
          .offset = placedBuffer_ != VK_NULL_HANDLE ? placedOffset_ : storage_->offset(),
          .size = placedBuffer_ != VK_NULL_HANDLE ? size_ : storage_->handleSize()});
     create.type = create.size != size_ ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR : type_;
-    CHECK_VK(gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &create, nullptr, &structure_));
-    auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = structure_});
-    address_ = gpu_.vk().GetAccelerationStructureDeviceAddressKHR(gpu_.device(), &query);
+    // In packed memory, every other one by its address, where the API has that.
+    const bool byAddress = gpu_.has(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME) && gpu_.arena() != nullptr &&
+                           placedBuffer_ == VK_NULL_HANDLE && create.offset / 256 % 2 != 0;
+    if (byAddress) {
+        auto create2 = vkInit<VkAccelerationStructureCreateInfo2KHR>(
+            {.addressRange = {storage_->address(), create.size}, .addressFlags = kUnknownUsage, .type = create.type});
+        CHECK_VK(gpu_.vk().CreateAccelerationStructure2KHR(gpu_.device(), &create2, nullptr, &structure_));
+    } else {
+        CHECK_VK(gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &create, nullptr, &structure_));
+    }
+    address_ = addressOf(gpu_, structure_, byAddress ? storage_->address() : 0);
+    if (placedBuffer_ == VK_NULL_HANDLE && create.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+        storage_->expectConsistent(address_);
+    gpu_.keepPrivateData(VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(structure_));
 }
 
 void Structure::prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuildAccelerationStructureModeKHR mode,

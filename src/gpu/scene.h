@@ -183,6 +183,7 @@ protected:
                       std::span<const uint32_t> maxPrimitives);
     [[nodiscard]] Device &gpu() const { return gpu_; }
     void checkGuards() const;
+    void destroy();
 
     std::vector<VkAccelerationStructureGeometryKHR> geometries_;
     std::vector<VkAccelerationStructureBuildRangeInfoKHR> ranges_;

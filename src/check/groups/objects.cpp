@@ -30,8 +30,12 @@ Case withSteps(Random &random, const DeviceLimits &limits, std::span<const Kind>
     for (oracle::SceneMicromap &micromap : c.scene.micromaps)
         micromap.flags |= chance(random, 60) ? VkBuildMicromapFlagsEXT{VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT} : 0u;
     addSteps(random, c, kinds, 1 + below(random, most), limits);
-    if (limits.pipelines && chance(random, 15))
+    if (limits.pipelines && chance(random, 20)) {
         c.trace.method = TracePlan::Method::Pipeline;
+        // With constant flags, other shaders decide, some by what a copy knows of boxes alone.
+        if (chance(random, 50))
+            fixFlags(random, c);
+    }
     return c;
 }
 

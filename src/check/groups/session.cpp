@@ -30,6 +30,7 @@ Device &Session::device(Memory memory)
                                                               VK_EXT_MESH_SHADER_EXTENSION_NAME, "VK_KHR_maintenance5",
                                                               "VK_KHR_maintenance6", "VK_EXT_shader_object",
                                                               "VK_KHR_ray_tracing_position_fetch"},
+                                               .privateData = true,
                                                .memory = memory});
     }
     return *device;

@@ -212,7 +212,9 @@ void takeUsages(const VkAccelerationStructureBuildGeometryInfoKHR &info, std::ve
             continue;
         if (triangles->indexType == VK_INDEX_TYPE_NONE_KHR && triangles->indexBuffer.deviceAddress != 0)
             report(std::string(command) + ": an index buffer of indices of no type");
-        usages.insert(usages.end(), triangles->pUsageCounts, triangles->pUsageCounts + triangles->usageCountsCount);
+        for (uint32_t u = 0; u < triangles->usageCountsCount; ++u)
+            usages.push_back(triangles->pUsageCounts != nullptr ? triangles->pUsageCounts[u]
+                                                                : *triangles->ppUsageCounts[u]);
     }
 }
 
