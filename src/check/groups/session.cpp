@@ -26,11 +26,11 @@ Device &Session::device(Memory memory)
         device = std::make_unique<Device>(
             std::move(instance), DeviceOptions{.physicalDevice = options_.device,
                                                .api = options_.api,
+                                               .privateData = true,
                                                .extensions = {VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME,
                                                               VK_EXT_MESH_SHADER_EXTENSION_NAME, "VK_KHR_maintenance5",
                                                               "VK_KHR_maintenance6", "VK_EXT_shader_object",
                                                               "VK_KHR_ray_tracing_position_fetch"},
-                                               .privateData = true,
                                                .memory = memory});
     }
     return *device;
