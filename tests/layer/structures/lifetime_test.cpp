@@ -25,7 +25,7 @@ protected:
     std::unique_ptr<Micromap> transparentMicromap()
     {
         MicromapInput input;
-        input.add(3, kFourState, std::vector<uint8_t>(packedSize, 0));
+        input.add(3, kFourState, std::vector<uint8_t>(64, 0));
         auto micromap = std::make_unique<Micromap>(gpu(), std::move(input));
         micromap->build();
         return micromap;
@@ -51,7 +51,6 @@ protected:
     {
         return reinterpret_cast<Function>(vkGetDeviceProcAddr(gpu().device(), name));
     }
-    static constexpr size_t packedSize = 16;
 };
 
 TEST_F(Lifetime, ACopyOverAStructureTakesItsMicromapsAway)

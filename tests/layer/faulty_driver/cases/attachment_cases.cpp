@@ -290,7 +290,7 @@ std::span<const Case> attachmentCases()
         Case{"base-without-indices", baseWithoutIndices, "012", "301"},
         Case{"base-twice", baseTwice, "01", "12"},
         Case{"base-on-special-indices", baseOnSpecial, "01", "23"},
-        Case{"index-8-as-16", indexBytes, "1021", "1333"},
+        Case{"index-8-as-16", indexBytes, "1021", "1331"},
         Case{"special-index-not-extended", shortSpecial, "0123", "3333"},
         Case{"special-index-by-low-byte", lowByte, "1111", "1320"},
         Case{"index-stride", indexStride, "012", "031"},
