@@ -58,7 +58,7 @@ Handle handle(uint64_t number)
 }
 
 VkResult answer = VK_SUCCESS; // of the implementation
-long made = 0;                // objects that exist in it
+int64_t made = 0;             // objects that exist in it
 
 // The command that creates one object, or `count`.
 template <typename Handle, typename Info>
@@ -729,7 +729,7 @@ protected:
     {
         SCOPED_TRACE(what);
         for (long n = 0; n < 100; ++n) {
-            const long before = made;
+            const int64_t before = made;
             bool works = false;
             try {
                 test::allocationsLeft = n;
