@@ -178,7 +178,8 @@ TEST(BakeCommand, NamesOutsideAscii)
     EXPECT_EQ(all.exitCode, 0) << all.errors;
     EXPECT_TRUE(fs::exists(in / u8"\u0436/\u00f6.glb"));
     EXPECT_EQ(bakedPrimitives(in / u8"\u0436/\u00df.gltf"), 1u);
-    EXPECT_NE(all.output.find("\u0436/\u00df.gltf"), std::string::npos) << all.output;
+    EXPECT_NE(all.output.find("\u0436"), std::string::npos) << all.output; // a separator of the platform is between
+    EXPECT_NE(all.output.find("\u00df.gltf"), std::string::npos) << all.output;
     const Outcome verified = runVellum({"verify", name + "/\u0436", name + "/\u00fc-out.glb"});
     EXPECT_EQ(verified.exitCode, 0) << verified.errors;
     EXPECT_NE(verified.output.find("\u00df.gltf"), std::string::npos) << verified.output;
