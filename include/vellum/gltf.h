@@ -136,7 +136,10 @@ typedef enum VellumGltfBakeFlagBits {
     VELLUM_GLTF_BAKE_EMBED_BIT = 2,
     // With VELLUM_GLTF_BAKE_BLEND_BIT: they are baked as masks with the cutoff blendCutoff, which is wrong for
     // renderers that blend or dither.
-    VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT = 4
+    VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT = 4,
+    // Textures with an image of an unsupported kind (KTX2, DDS) and another one are baked from the latter. The alpha of
+    // the former, which renderers may take, differs.
+    VELLUM_GLTF_BAKE_FALLBACK_IMAGES_BIT = 8
 } VellumGltfBakeFlagBits;
 
 // A cache of the caller's, such as the derived-data cache of an engine: values of a few kilobytes by keys of

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <version>
 
 namespace vellum
@@ -44,6 +45,11 @@ std::string shortest(Real number)
     for (int digits = 1; digits <= kMostDigits; ++digits) {
         std::snprintf(text.data(), text.size(), "%.*e", digits - 1, static_cast<double>(number));
         if (realOf<Real>(text.data()) == number)
+            break;
+        // Powers of two are farther from the next number than from the one before: the next digit may do. After a 9 it
+        // has fewer digits, which were tried.
+        char &last = *(std::strchr(text.data(), 'e') - 1);
+        if (last != '9' && (++last, realOf<Real>(text.data()) == number))
             break;
     }
     // -1.25e-07: a sign, digits, an exponent of two digits or more, as std::to_chars writes it.

@@ -67,7 +67,7 @@ ExitCode infoOnLoader(const InfoOptions &options)
 // Throws GltfError.
 ExitCode infoOnFile(const InfoOptions &options, const std::filesystem::path &file, JsonWriter &json)
 {
-    const FileReport report = reportFile(openDocument(file));
+    const FileReport report = withinMemory(file, [&] { return reportFile(openDocument(file)); });
     if (options.json)
         write(report, json);
     else

@@ -265,12 +265,14 @@ void writePage(const InspectOptions &options, const std::string &page, std::opti
 
 inspect::InspectedFile inspectFile(const InspectOptions &options, const Document &document)
 {
-    if (!options.bake)
-        return inspect::inspectFile(document, options.selection, nullptr);
-    ProgressLine progress("baking");
-    DocumentBakeOptions baking = options.baking;
-    baking.bake.progress = [&](size_t done, size_t total) { progress.update(done, total); };
-    return inspect::inspectFile(document, options.selection, &baking);
+    return withinMemory(document.path(), [&] {
+        if (!options.bake)
+            return inspect::inspectFile(document, options.selection, nullptr);
+        ProgressLine progress("baking");
+        DocumentBakeOptions baking = options.baking;
+        baking.bake.progress = [&](size_t done, size_t total) { progress.update(done, total); };
+        return inspect::inspectFile(document, options.selection, &baking);
+    });
 }
 
 int compareCommand(const InspectOptions &options, std::optional<DataOutput> &data)

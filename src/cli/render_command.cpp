@@ -372,7 +372,9 @@ Loaded load(const RenderOptions &options)
         return {render::makeGrove(), {}};
     const Document document = openDocument(*options.input);
     const bool wanted = options.mode != Mode::Alpha && !options.bakeAnew;
-    Loaded loaded{readScene(document), wanted ? readMicromaps(document) : StoredMicromaps{}};
+    Loaded loaded = withinMemory(*options.input, [&] {
+        return Loaded{readScene(document), wanted ? readMicromaps(document) : StoredMicromaps{}};
+    });
     if (const auto cutoff = options.blendCutoff ? options.blendCutoff : blendCutoffOf(document.root()))
         for (Material &material : loaded.scene.materials)
             if (material.alphaMode == AlphaMode::Blend)

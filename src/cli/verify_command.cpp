@@ -96,13 +96,15 @@ VerifiedFile verifyFile(const std::filesystem::path &path, const VerifyOptions &
     verify::FileOptions fileOptions = options.file;
     fileOptions.progress = [&](size_t done, size_t total) { progress.update(done, total); };
     try {
-        const Document document = openDocument(path);
-        file.report = verify::verifyDocument(document, fileOptions);
-        if (file.report.findings.empty() && !file.report.stored.extension.empty())
-            file.surface = surfaceShares(surfaceAreas(document), file.report.stored);
-        file.micromaps = summariesOf(file.report.stored.micromaps);
-        file.extension = std::move(file.report.stored.extension);
-        file.report.stored = {}; // several files are reported together
+        withinMemory(path, [&] {
+            const Document document = openDocument(path);
+            file.report = verify::verifyDocument(document, fileOptions);
+            if (file.report.findings.empty() && !file.report.stored.extension.empty())
+                file.surface = surfaceShares(surfaceAreas(document), file.report.stored);
+            file.micromaps = summariesOf(file.report.stored.micromaps);
+            file.extension = std::move(file.report.stored.extension);
+            file.report.stored = {}; // several files are reported together
+        });
     } catch (const GltfError &error) {
         file.error = error.what();
     }

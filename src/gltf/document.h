@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
-#include <new>
 #include <span>
 #include <string>
 #include <string_view>
@@ -70,8 +69,6 @@ public:
             throw GltfStorageError(withPath(error.what()), error.cause());
         } catch (const GltfError &error) {
             throw GltfError(withPath(error.what()));
-        } catch (const std::bad_alloc &) {
-            throw GltfError(withPath("there is not enough memory to read it"));
         }
     }
 

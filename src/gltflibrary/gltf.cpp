@@ -139,7 +139,8 @@ void vellum::library::readDocumentOptions(const VellumBakeOptions &bake, const V
     if (bake.flags != 0)
         throw invalid("flags of VellumBakeOptions is " + std::to_string(bake.flags) + ", not 0");
     constexpr uint32_t kFlags = uint32_t{VELLUM_GLTF_BAKE_BLEND_BIT} | uint32_t{VELLUM_GLTF_BAKE_EMBED_BIT} |
-                                uint32_t{VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT};
+                                uint32_t{VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT} |
+                                uint32_t{VELLUM_GLTF_BAKE_FALLBACK_IMAGES_BIT};
     if ((given.flags & ~kFlags) != 0)
         throw invalid("flags is " + std::to_string(given.flags) + ", not made of VellumGltfBakeFlagBits");
     options.blend = (given.flags & VELLUM_GLTF_BAKE_BLEND_BIT) != 0;
@@ -147,6 +148,7 @@ void vellum::library::readDocumentOptions(const VellumBakeOptions &bake, const V
         throw invalid("blendCutoff is not finite");
     if ((given.flags & VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT) != 0)
         options.blendCutoff = given.blendCutoff;
+    options.fallbackImages = (given.flags & VELLUM_GLTF_BAKE_FALLBACK_IMAGES_BIT) != 0;
     options.excludedMaterials = patterns("excludedMaterials", given.excludedMaterials, given.excludedMaterialCount);
     options.excludedMeshes = patterns("excludedMeshes", given.excludedMeshes, given.excludedMeshCount);
 }

@@ -63,9 +63,15 @@ void writeMicromaps(std::span<const MicromapSummary> micromaps, JsonWriter &json
     });
 }
 
+std::string reasonFor(const SkippedPrimitive &skipped)
+{
+    const bool image = skipped.code == SkipReason::UnsupportedImage;
+    return skipped.reason + (image ? "; --fallback-images bakes from another image of the texture" : "");
+}
+
 std::string describe(const SkippedPrimitive &skipped)
 {
-    return skipped.name + (skipped.material.empty() ? "" : " (" + skipped.material + ")") + ": " + skipped.reason;
+    return skipped.name + (skipped.material.empty() ? "" : " (" + skipped.material + ")") + ": " + reasonFor(skipped);
 }
 
 void writeSkipped(std::span<const SkippedPrimitive> skipped, JsonWriter &json)

@@ -54,6 +54,8 @@ void writeMicromaps(std::span<const MicromapSummary> micromaps, JsonWriter &json
 
 // `mesh 2 primitive 0 (leaf): its alphaMode is BLEND`
 std::string describe(const SkippedPrimitive &skipped);
+// Its reason, and the option of `vellum bake` that helps.
+std::string reasonFor(const SkippedPrimitive &skipped);
 // "skipped": an array.
 void writeSkipped(std::span<const SkippedPrimitive> skipped, JsonWriter &json);
 

@@ -166,7 +166,9 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
     options.manyAlphas = alphas_[stored.micromap].size() > kMostVertexAlphas;
     if (options_.progress)
         options.progress = [&](size_t done, size_t total) {
-            options_.progress(done_ + stored.indices.size() * done / std::max<size_t>(total, 1), total_);
+            // The product has more bits than a size_t of 32.
+            const uint64_t triangles = uint64_t{stored.indices.size()} * done / std::max<size_t>(total, 1);
+            options_.progress(done_ + static_cast<size_t>(triangles), total_);
         };
     PrimitiveReport report;
     report.place = place;

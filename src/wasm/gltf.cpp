@@ -221,13 +221,13 @@ struct Baked {
     std::vector<std::pair<std::string, std::string>> skipped;
     bool outOfMemory = false;
 
-    // A callback must not throw.
+    // A callback must not throw. A vector of 2 GiB is a std::length_error.
     template <typename Keep>
     void keep(Keep &&function) noexcept
     {
         try {
             function();
-        } catch (const std::bad_alloc &) {
+        } catch (const std::exception &) {
             outOfMemory = true;
         }
     }

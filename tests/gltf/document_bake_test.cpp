@@ -275,8 +275,8 @@ TEST(DocumentBake, FallbackImagesOnRequest)
             {R"({"source": 0, "sampler": 0})",
              R"({"source": 0, "sampler": 0, "extensions": {")" + extension + R"(": {"source": 1}}})"},
             {R"("bufferView": 3}])", R"("bufferView": 3}, {"uri": "none"}])"}};
-        EXPECT_EQ(reasonFor(both), "its texture also has an image that is not supported (" + extension +
-                                       "), which renderers may take: --fallback-images bakes from the other one");
+        EXPECT_EQ(reasonFor(both),
+                  "its texture also has an image that is not supported (" + extension + "), which renderers may take");
         DocumentBakeOptions options = optionsOf();
         options.fallbackImages = true;
         expectSame(bakeCard(both, options), bakeDirectly(0.25));

@@ -55,16 +55,15 @@ TEST(GltfImage, Webp)
     if (kDecodesWebpAndAvif)
         EXPECT_EQ(decodeImage(encoded, "image 0").rgba, rgba);
     else
-        EXPECT_EQ(errorOf(encoded), "unsupported: image 0 is a WebP image, which this build cannot decode "
-                                    "(VELLUM_IMAGE_LIBRARIES)");
+        EXPECT_EQ(errorOf(encoded), "unsupported: image 0 is a WebP image, which this build cannot decode");
 }
 
 // Every alpha that there is, as it is stored, with colours.
 TEST(GltfImage, AvifOfEveryDepth)
 {
     if (!kDecodesWebpAndAvif) {
-        EXPECT_EQ(errorOf(avifImage(2, 1, {})), "unsupported: image 0 is an AVIF image, which this build cannot decode "
-                                                "(VELLUM_IMAGE_LIBRARIES)");
+        EXPECT_EQ(errorOf(avifImage(2, 1, {})),
+                  "unsupported: image 0 is an AVIF image, which this build cannot decode");
         return;
     }
     for (const unsigned depth : {8u, 10u, 12u})
@@ -235,7 +234,7 @@ TEST(GltfImage, UnsupportedKindsAreIdentified)
         return Bytes(text.begin(), text.end());
     };
     const std::string help = ", which is not supported: bake before the textures are compressed, by a tool that keeps "
-                             "unknown extensions, or keep their PNG or JPEG images (--fallback-images)";
+                             "unknown extensions, or keep their PNG or JPEG images";
     EXPECT_EQ(errorOf(padded("\xabKTX 20\xbb\r\n\x1a\n")), "unsupported: image 0 is a KTX2 file" + help);
     EXPECT_EQ(errorOf(padded("DDS ")), "unsupported: image 0 is a DDS file" + help);
     // Other ISO media files.

@@ -38,6 +38,13 @@ TEST(RealText, ShortestIsThatOfTheLibrary)
     for (const double number : {0.0, -0.0, 1.0, -1.0, 0.1, 1e5, 1e6, 1e21, 1e22, 1e23, 1e-4, 1e-5, 123456789012345680.0,
                                 std::numeric_limits<double>::max(), std::numeric_limits<double>::denorm_min()})
         expectSame(number);
+    // The numbers below them are closer than those above.
+    for (int exponent = -1074; exponent <= 1023; ++exponent) {
+        expectSame(std::ldexp(1.0, exponent));
+        expectSame(-std::ldexp(1.0, exponent));
+        if (exponent >= -149 && exponent <= 127)
+            expectSame(std::ldexp(1.0f, exponent));
+    }
 }
 
 TEST(RealText, ReadsWhatTheLibraryReads)

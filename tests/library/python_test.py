@@ -5,6 +5,7 @@
 usage: python_test.py <folder of the libraries> <vellum> [unittest's arguments]
 """
 import _thread
+import base64
 import copy
 import json
 import os
@@ -603,6 +604,13 @@ class Files(Case):
         self.assertEqual(report.primitive_count, 1)
         self.assertNotEqual(vellum.read_gltf(exact).micromaps, vellum.read_gltf(mask).micromaps)
         self.assertEqual(vellum.read_gltf(mask).micromaps, vellum.read_gltf(vellum.bake_gltf(self.bytes, level=4)[0]).micromaps)
+        document["materials"][1]["alphaMode"] = "MASK"
+        document["images"].append({"uri": "leaf.ktx2"})
+        document["textures"][0]["extensions"] = {"KHR_texture_basisu": {"source": len(document["images"]) - 1}}
+        document["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64.b64encode(binary).decode()
+        both = json.dumps(document).encode()
+        self.assertIn("an image that is not supported", vellum.bake_gltf(both)[1].skipped[0].message)
+        self.assertEqual(vellum.bake_gltf(both, fallback_images=True)[1].primitive_count, 1)
         self.rejects(TypeError, "there is no option 'compare_op'", vellum.bake_gltf, self.bytes, compare_op=1)
         self.rejects(TypeError, "excluded_meshes is a string", vellum.bake_gltf, self.bytes, excluded_meshes="tree")
         self.fails(vellum.Result.ERROR_INVALID_ARGUMENT, "level is 13", vellum.bake_gltf, self.bytes, level=13)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 Path = Union[str, "os.PathLike[str]"]
-_BLEND, _EMBED, _BLEND_CUTOFF = 1, 2, 4
+_BLEND, _EMBED, _BLEND_CUTOFF, _FALLBACK_IMAGES = 1, 2, 4, 8
 
 
 class GltfNote(NamedTuple):
@@ -91,12 +91,14 @@ class GltfBakeOptions(QualityOptions, total=False):
 
     blend: also bakes alphaMode BLEND: opaque only where alpha is 1, transparent only where it is 0; default False.
     blend_cutoff: bakes it as a mask with this cutoff instead, finite; wrong for renderers that blend.
+    fallback_images: bakes textures with an image that is not supported (KTX2, DDS) from their other one; default False.
     excluded_materials, excluded_meshes: names of those that are not baked; shell patterns: * ? [...].
     cache: results by keys of 32 bytes, such as a dict. It is asked before anything is baked.
     """
 
     blend: bool
     blend_cutoff: float
+    fallback_images: bool
     excluded_materials: Sequence[str]
     excluded_meshes: Sequence[str]
     cache: MutableMapping[bytes, bytes]
@@ -177,7 +179,8 @@ class _FileBake:
         names = GltfBakeOptions.__optional_keys__
         own = {name: given.pop(name) for name in names - QualityOptions.__optional_keys__ if name in given}
         set_options(self.call.options, names, given)
-        self.options.flags = (_BLEND if own.get("blend") else 0) | (_EMBED if embed else 0)
+        flags = ((own.get("blend"), _BLEND), (own.get("fallback_images"), _FALLBACK_IMAGES), (embed, _EMBED))
+        self.options.flags = sum(bit for wanted, bit in flags if wanted)
         if own.get("blend_cutoff") is not None:
             self.options.flags |= _BLEND | _BLEND_CUTOFF
             _native.set_members(self.options, blend_cutoff=own["blend_cutoff"])

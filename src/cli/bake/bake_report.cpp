@@ -167,7 +167,7 @@ std::string failureOf(const BakeJob &job, const DocumentBake &bake)
     if (!bake.primitives.empty() || first == bake.skipped.end())
         return "";
     return fmt::format("{}: none of its alpha-tested primitives could be baked: {}: {}", utf8Text(job.input),
-                       first->name, first->reason);
+                       first->name, reasonFor(*first));
 }
 
 void printReplacedLoss(const BakeFileReport &file)

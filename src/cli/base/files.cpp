@@ -88,7 +88,7 @@ std::vector<uint8_t> readStdin()
 
 Document openDocument(const std::filesystem::path &path)
 {
-    return isStandardStream(path) ? Document(path, readStdin()) : Document(path);
+    return withinMemory(path, [&] { return isStandardStream(path) ? Document(path, readStdin()) : Document(path); });
 }
 
 void writeData(const std::filesystem::path &path, std::span<const uint8_t> bytes, std::optional<DataOutput> &data)

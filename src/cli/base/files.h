@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <initializer_list>
+#include <new>
 #include <optional>
 #include <span>
 #include <string>
@@ -14,7 +15,9 @@
 
 #include "base/files.h"
 #include "base/picture.h"
+#include "core/utf8_path.h"
 #include "gltf/document.h"
+#include "gltf/file/gltf_error.h"
 
 namespace vellum::cli
 {
@@ -34,6 +37,17 @@ std::vector<std::filesystem::path> gltfFiles(const std::vector<std::filesystem::
 
 // All of stdin, at most 2 GiB. Throws GltfError.
 std::vector<uint8_t> readStdin();
+
+// Calls what reads a file. Throws GltfError, with the path in front, if there is too little memory.
+template <typename Read>
+auto withinMemory(const std::filesystem::path &path, Read &&read)
+{
+    try {
+        return read();
+    } catch (const std::bad_alloc &) {
+        throw GltfError(utf8Text(path) + ": out of memory");
+    }
+}
 
 // Reads a glTF file, from stdin for "-". Throws GltfError.
 Document openDocument(const std::filesystem::path &path);

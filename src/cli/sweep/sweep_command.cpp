@@ -108,7 +108,7 @@ std::string exclusionsText(const Sweep &sweep)
         for (const SkippedPrimitive &skipped : file.result.skipped) {
             ++count;
             ++reasons[skipped.code == SkipReason::AlphaModeBlend ? skipped.reason + "; --blend bakes it"
-                                                                 : skipped.reason];
+                                                                 : reasonFor(skipped)];
         }
     }
     std::string text;

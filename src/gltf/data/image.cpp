@@ -17,7 +17,7 @@ constexpr uint64_t kTexelsAlwaysAllowed = uint64_t{1} << 24;
 // What helps where the texels cannot be had.
 constexpr const char *kBakeEarlier =
     ", which is not supported: bake before the textures are compressed, by a tool that "
-    "keeps unknown extensions, or keep their PNG or JPEG images (--fallback-images)";
+    "keeps unknown extensions, or keep their PNG or JPEG images";
 
 bool has(Encoded encoded, size_t offset, std::string_view bytes)
 {

@@ -2,6 +2,8 @@
 // Uses stb_image, in builds without the image libraries: PNG and JPEG.
 #include <array>
 #include <memory>
+#include <new>
+#include <string>
 #include <string_view>
 
 #include "gltf/data/image_formats.h"
@@ -43,8 +45,11 @@ int lengthOf(Encoded encoded, const std::string &what)
 
 [[noreturn]] void failByLibrary(const std::string &what)
 {
-    const char *reason = stbi_failure_reason();
-    failToDecode(what, reason ? reason : "unknown reason");
+    const char *given = stbi_failure_reason();
+    const std::string reason = given ? given : "unknown reason";
+    if (reason == "outofmem")
+        throw std::bad_alloc();
+    failToDecode(what, reason);
 }
 
 // The size by its header.
@@ -154,12 +159,12 @@ Image readJpeg(Encoded encoded, const std::string &what)
 
 Image readWebp(Encoded, const std::string &what)
 {
-    throw GltfUnsupported(what + " is a WebP image, which this build cannot decode (VELLUM_IMAGE_LIBRARIES)");
+    throw GltfUnsupported(what + " is a WebP image, which this build cannot decode");
 }
 
 Image readAvif(Encoded, const std::string &what)
 {
-    throw GltfUnsupported(what + " is an AVIF image, which this build cannot decode (VELLUM_IMAGE_LIBRARIES)");
+    throw GltfUnsupported(what + " is an AVIF image, which this build cannot decode");
 }
 
 } // namespace vellum

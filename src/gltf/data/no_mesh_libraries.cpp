@@ -11,7 +11,7 @@ const bool kDecompressesMeshes = false;
 
 std::vector<uint8_t> decompressView(const CompressedView &, std::span<const uint8_t>)
 {
-    throw GltfUnsupported("is compressed by meshoptimizer, which this build cannot read (VELLUM_MESH_LIBRARIES)");
+    throw GltfUnsupported("is compressed by meshoptimizer, which this build cannot read");
 }
 
 struct DracoMesh::Decoded {
@@ -19,7 +19,7 @@ struct DracoMesh::Decoded {
 
 DracoMesh::DracoMesh(std::span<const uint8_t>, const std::string &what)
 {
-    throw GltfUnsupported(what + " is compressed by Draco, which this build cannot read (VELLUM_MESH_LIBRARIES)");
+    throw GltfUnsupported(what + " is compressed by Draco, which this build cannot read");
 }
 
 // Never called, as no mesh exists.

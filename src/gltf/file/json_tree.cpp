@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstring>
+#include <new>
 #include <rapidjson/error/en.h>
 #include <rapidjson/memorystream.h>
 #include <rapidjson/reader.h>
@@ -17,6 +19,22 @@ namespace
 {
 
 constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
+
+// Where memory runs out, RapidJSON's own allocator returns null, which is then written to. This one throws.
+struct Allocator {
+    static constexpr bool kNeedFree = true;
+    static void *Malloc(size_t size) { return ::operator new(size); }
+    static void *Realloc(void *old, size_t oldSize, size_t size)
+    {
+        void *moved = Malloc(size);
+        if (old != nullptr)
+            std::memcpy(moved, old, std::min(oldSize, size));
+        Free(old);
+        return moved;
+    }
+    static void Free(void *memory) { ::operator delete(memory); }
+};
+using Reader = rapidjson::GenericReader<rapidjson::UTF8<>, rapidjson::UTF8<>, Allocator>;
 
 // Takes one string.
 struct StringEvents : rapidjson::BaseReaderHandler<rapidjson::UTF8<>, StringEvents> {
@@ -92,7 +110,7 @@ JsonTree::JsonTree(std::string_view text) : text_(text)
         for (size_t i = 0; i < kByteOrderMark.size(); ++i)
             stream.Take();
     }
-    rapidjson::Reader reader;
+    Reader reader;
     constexpr unsigned kFlags = rapidjson::kParseNumbersAsStringsFlag | rapidjson::kParseStopWhenDoneFlag;
     if (const rapidjson::ParseResult result = reader.Parse<kFlags>(stream, events); !result)
         throw GltfError("the JSON is wrong at byte " + std::to_string(result.Offset()) + ": " +
@@ -198,7 +216,7 @@ std::optional<std::string> JsonValue::string() const
         return std::string(quoted.substr(1, quoted.size() - 2));
     rapidjson::MemoryStream stream(quoted.data(), quoted.size());
     StringEvents events;
-    rapidjson::Reader().Parse(stream, events);
+    Reader().Parse(stream, events);
     return events.value;
 }
 

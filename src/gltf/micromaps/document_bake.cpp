@@ -212,7 +212,7 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     if (!material.unreadImage.empty() && !options_.fallbackImages)
         return skip(place, material.name, SkipReason::UnsupportedImage,
                     "its texture also has an image that is not supported (" + material.unreadImage +
-                        "), which renderers may take: --fallback-images bakes from the other one");
+                        "), which renderers may take");
     Primitive primitive = readPrimitive(document_, place, Positions::Skip);
     if (material.image >= 0 && primitive.uvs.empty())
         return skip(place, material.name, SkipReason::NoTextureCoordinates,

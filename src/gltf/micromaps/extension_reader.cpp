@@ -201,7 +201,7 @@ std::optional<std::string> ExtensionReader::loss() const
     if (first.empty())
         return std::nullopt;
     return "the micromaps lost their data (" + first +
-           ") in a program that does not know them, such as gltf-pipeline; vellum bake repairs the file";
+           ") in a program that does not know them, such as gltf-pipeline; another bake repairs the file";
 }
 
 StoredMicromaps ExtensionReader::read()
