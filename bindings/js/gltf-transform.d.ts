@@ -8,7 +8,7 @@ import type { Callbacks, GltfBakeOptions, Usage, Vellum } from './index.js';
 export type ImageDecoder = (image: Uint8Array) => { png(): { toBuffer(): Promise<Uint8Array> } };
 
 /** Options of a bake that are kept in the document, for the next one: what can be written as JSON. */
-export type DocumentBakeOptions = Omit<GltfBakeOptions, keyof Callbacks | 'name'>;
+export type DocumentBakeOptions = Omit<GltfBakeOptions, keyof Callbacks | 'name' | 'files' | 'fallbackImages'>;
 
 /** A micromap, which primitives may share: input of a micromap build. */
 export declare class OpacityMicromap extends ExtensionProperty {
@@ -71,7 +71,7 @@ export interface OmmOptions extends DocumentBakeOptions, Callbacks {
 
 /**
  * Bakes all alpha-tested primitives of a document as it is, and replaces the micromaps that it has: the last transform.
- * Strips and fans that it bakes become lists. Under a budget, all triangles count alike. Primitives that are not baked, and
+ * Strips and fans with alpha-tested materials become lists, also if they are excluded. Under a budget, all triangles count alike. Primitives that are not baked, and
  * why, go to the document's logger. Throws a VellumError where an option is wrong or an image is damaged.
  */
 export declare function omm(options?: OmmOptions): Transform;

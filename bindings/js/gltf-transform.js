@@ -2,7 +2,7 @@
 // Micromaps for gltf-transform: the extension, omm(), and a configuration of its command line. gltf-transform.d.ts describes
 // it.
 import { Document, Extension, ExtensionProperty, GLB_BUFFER, Logger, PropertyType, Verbosity, WebIO } from '@gltf-transform/core';
-import { MicromapFormat, load } from './index.js';
+import { MicromapFormat, VellumError, _kGltfNames, _known, load } from './index.js';
 
 const NAME = 'EXT_mesh_opacity_micromap';
 const DRACO = 'KHR_draco_mesh_compression';
@@ -868,20 +868,29 @@ function toLists(document, options) {
     }
 }
 
-let loaded;
+let loaded; // the module for calls without one
+
+async function withOwnModule(run) {
+  try {
+    return await run(await (loaded ??= load()));
+  } catch (error) {
+    // Another one is loaded after a failure or a trap, and where memory has run out, which would never shrink.
+    if (!(error instanceof VellumError) || error.code === 'VELLUM_ERROR_OUT_OF_MEMORY') loaded = undefined;
+    throw error;
+  }
+}
 
 export function omm({ vellum, encoder, onProgress, cancelled, signal, ...options } = {}) {
   return async function omm(document) {
+    _known('options', options, _kGltfNames.filter((name) => name !== 'fallbackImages'));
     // Its accessors would be of another class than those that are written to be baked.
     if (!(document instanceof Document))
       throw new Error('The document is of another copy of @gltf-transform/core than that of vellum-omm: install both in one folder.');
     await decodeImages(document, encoder);
     toLists(document, options);
-    const baker = vellum ?? (await (loaded ??= load().catch((error) => {
-      loaded = undefined; // for the next attempt
-      throw error;
-    })));
-    await document.createExtension(EXTMeshOpacityMicromap)[eagerly](baker, options, { onProgress, cancelled, signal });
+    const bakeBy = (baker) =>
+      document.createExtension(EXTMeshOpacityMicromap)[eagerly](baker, options, { onProgress, cancelled, signal });
+    await (vellum ? bakeBy(vellum) : withOwnModule(bakeBy));
   };
 }
 

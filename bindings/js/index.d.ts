@@ -26,7 +26,11 @@ export type ErrorCode =
   | 'VELLUM_ERROR_INTERNAL' /** a bug in Vellum */
   | 'VELLUM_ERROR_FILE'; /** a file is invalid, or needs a file beside it */
 
-/** What all functions throw. The message is one sentence that names the argument, or the place in the file. */
+/**
+ * What all functions throw. The message is one sentence that names the argument, or the place in the file. Exceptions of
+ * callbacks are thrown as they are. load() also throws what fetch() and WebAssembly do. A bug in Vellum may be a
+ * WebAssembly.RuntimeError; do not use the module again then.
+ */
 export declare class VellumError extends Error {
   constructor(code: ErrorCode, message: string);
   readonly code: ErrorCode;
@@ -84,12 +88,25 @@ export interface BakeInput {
 }
 
 export interface Callbacks {
-  /** `done` of `total` triangles; a few hundred times at most. It may call the module. */
+  /**
+   * `done` of `total` steps, a few hundred times at most. Steps are triangles or, under a budget and of a sweep, passes over them.
+   * It may call the module.
+   */
   onProgress?: (done: number, total: number) => void;
-  /** Return true to cancel. Called often: reading an Int32Array on a SharedArrayBuffer is cheap enough. */
+  /**
+   * Return true to cancel. Called often: reading an Int32Array on a SharedArrayBuffer is cheap enough. verifyGltf() calls it
+   * between its steps only.
+   */
   cancelled?: () => boolean;
   /** Calls are synchronous: it can only be aborted by a callback. In a VellumWorker, at any time. */
-  signal?: AbortSignal;
+  signal?: Signal;
+}
+
+/** An AbortSignal. These declarations need no library of types for browsers or Node.js. */
+export interface Signal {
+  readonly aborted: boolean;
+  addEventListener(type: 'abort', listener: () => void, options?: { once?: boolean }): void;
+  removeEventListener(type: 'abort', listener: () => void): void;
 }
 
 export interface QualityOptions {
@@ -170,6 +187,11 @@ export interface GltfBakeOptions extends FileOptions, QualityOptions, Callbacks 
   blend?: boolean;
   /** Bakes it as a mask with this cutoff instead, which is wrong for renderers that blend. */
   blendCutoff?: number;
+  /**
+   * Bakes textures with an image that is not supported (KTX2, DDS) from their other image; renderers that take the former see
+   * another alpha.
+   */
+  fallbackImages?: boolean;
   /** Names of materials or meshes that are not baked; shell patterns: * ? [...]. */
   excludedMaterials?: string[];
   excludedMeshes?: string[];
@@ -342,5 +364,10 @@ export interface Vellum {
   verifyGltf(bytes: Uint8Array, options?: FileOptions & Callbacks & { exact?: boolean }): GltfVerification;
 }
 
-/** Loads vellum.wasm: beside this file, or from a URL, a response, its bytes or a compiled module. */
-export declare function load(source?: string | URL | Response | BufferSource | WebAssembly.Module): Promise<Vellum>;
+/** A URL, a string being relative to the page or, in Node.js, to index.js; or bytes, or a WebAssembly.Module. */
+export type ModuleSource = string | { readonly href: string } | ArrayBuffer | ArrayBufferView | CompiledModule;
+/** A WebAssembly.Module, whose type has no members. */
+export type CompiledModule = object;
+
+/** Loads vellum.wasm: beside this file, or from a source or a Response. */
+export declare function load(source?: ModuleSource | { arrayBuffer(): Promise<ArrayBuffer> }): Promise<Vellum>;

@@ -30,6 +30,8 @@ export const LEVEL_AUTOMATIC = -1;
 const INDEX_TYPE_NONE = 1000165000;
 const ARGUMENT = 'VELLUM_ERROR_INVALID_ARGUMENT';
 
+// Names that begin with _ are not part of the interface: other files of this package use them.
+
 export class VellumError extends Error {
   constructor(code, message) {
     super(message);
@@ -40,6 +42,15 @@ export class VellumError extends Error {
 
 function reject(name, value, expected) {
   throw new VellumError(ARGUMENT, `${name} is ${String(value)}, not ${expected}`);
+}
+
+const outOfMemory = (message = 'out of memory') => new VellumError('VELLUM_ERROR_OUT_OF_MEMORY', message);
+
+// What an engine throws where an array cannot be made or a value not be copied becomes an error of this package.
+export function _ownError(error) {
+  const { name, message } = error;
+  if (name === 'DataCloneError') return /memory/.test(message) ? outOfMemory(message) : new VellumError(ARGUMENT, message);
+  return error instanceof RangeError && !/call stack/.test(message) ? outOfMemory(message) : error;
 }
 
 const ranges = {
@@ -73,13 +84,15 @@ const kOptions = [
   ['interpolationTolerance', 'real'],
   ['maxDataSize', 'u53'],
 ];
+const kMostMemory = 0xffffffff;
+const kMostSteps = 200; // of onProgress
 const kCallbacks = ['onProgress', 'cancelled', 'signal'];
 const kBakeNames = [...kOptions.map(([name]) => name), ...kCallbacks];
-const kGltfNames = [
-  'blend', 'blendCutoff', 'excludedMaterials', 'excludedMeshes',
+export const _kGltfNames = [
+  'blend', 'blendCutoff', 'fallbackImages', 'excludedMaterials', 'excludedMeshes',
   ...kBakeNames.filter((name) => name !== 'compareOp' && name !== 'disallowMixedSpecialIndices'),
 ];
-const kSweepNames = kGltfNames.filter((name) => name !== 'level' && name !== 'format' && name !== 'budget');
+const kSweepNames = _kGltfNames.filter((name) => name !== 'level' && name !== 'format' && name !== 'budget');
 const kInputNames = [
   'texture', 'textures', 'uvs', 'uvFormat', 'uvStride', 'uvTransform', 'indices', 'levels', 'formats', 'cutoff',
 ];
@@ -89,9 +102,10 @@ const kTextureNames = [
 ];
 
 // An option with a name that nobody knows is a mistake in spelling.
-function known(what, object, names) {
+export function _known(what, object, names) {
   if (typeof object !== 'object' || object === null) reject(what, object, 'an object');
-  for (const name of Object.keys(object)) if (!names.includes(name)) throw new VellumError(ARGUMENT, `${what} has no member "${name}"`);
+  for (const name of Object.keys(object))
+    if (!names.includes(name)) throw new VellumError(ARGUMENT, `${what} has no member "${name}"`);
   return object;
 }
 
@@ -108,17 +122,24 @@ function bytesOf(name, array, types) {
   return new Uint8Array(array.buffer, array.byteOffset, array.byteLength);
 }
 
+export function _checkCallbacks({ onProgress, cancelled, signal }) {
+  for (const [name, callback] of Object.entries({ onProgress, cancelled }))
+    if (callback !== undefined && typeof callback !== 'function') reject(name, callback, 'a function');
+  if (signal !== undefined && (typeof signal?.aborted !== 'boolean' || typeof signal.addEventListener !== 'function'))
+    reject('signal', signal, 'an AbortSignal');
+  if (signal?.aborted) throw new VellumError('VELLUM_CANCELLED', 'cancelled before it began');
+}
+
 // How the functions of a module are called: memory of a call, its callbacks and its result.
 class Call {
   constructor(module, options) {
+    _checkCallbacks(options);
     this.module = module;
     this.owned = [];
+    this.copies = new Map(); // by buffer: addresses by offset and length
     this.onProgress = options.onProgress;
     this.poll = options.cancelled;
     this.signal = options.signal;
-    for (const name of ['onProgress', 'cancelled'])
-      if (options[name] !== undefined && typeof options[name] !== 'function') reject(name, options[name], 'a function');
-    if (this.signal?.aborted) throw new VellumError('VELLUM_CANCELLED', 'cancelled before it began');
   }
 
   // An exception of the caller's must not pass through the module: it cancels the call, and is thrown at the end.
@@ -131,8 +152,12 @@ class Call {
     }
   }
 
+  // The module reports some hundred steps of each material.
   progress(done, total) {
-    return this.guarded(() => (this.onProgress?.(done, total), false));
+    const share = Math.floor((kMostSteps * done) / total);
+    const isNew = share !== this.share || done === total;
+    this.share = share;
+    return this.guarded(() => (isNew && this.onProgress?.(done, total), false));
   }
 
   cancelled() {
@@ -140,6 +165,7 @@ class Call {
   }
 
   allocate(size) {
+    if (size > kMostMemory) throw outOfMemory('a module has at most 4 GiB of memory');
     const address = this.made(this.module.malloc(Math.max(size, 1)) >>> 0);
     this.owned.push(address);
     return address;
@@ -147,15 +173,21 @@ class Call {
 
   // What an export made; it returns 0 where memory runs out.
   made(result) {
-    if (!result) throw new VellumError('VELLUM_ERROR_OUT_OF_MEMORY', 'out of memory');
+    if (!result) throw outOfMemory();
     return result;
   }
 
-  // The address of a copy; 0 of nothing.
+  // The address of a copy; 0 of nothing. The same bytes have one copy: the library knows a texture by its address.
   put(bytes) {
     if (bytes === undefined) return 0;
-    const address = this.allocate(bytes.length);
-    new Uint8Array(this.module.memory.buffer, address, bytes.length).set(bytes);
+    const { buffer, byteOffset, length } = bytes;
+    if (!this.copies.has(buffer)) this.copies.set(buffer, new Map());
+    const addresses = this.copies.get(buffer);
+    const key = `${byteOffset} ${length}`;
+    if (addresses.has(key)) return addresses.get(key);
+    const address = this.allocate(length);
+    new Uint8Array(this.module.memory.buffer, address, length).set(bytes);
+    addresses.set(key, address);
     return address;
   }
 
@@ -193,14 +225,15 @@ class Call {
         copies.push(bytes(address, size).slice());
       }
     } catch (error) {
-      // The result is too large for another copy of it.
-      throw error instanceof RangeError ? new VellumError('VELLUM_ERROR_OUT_OF_MEMORY', error.message) : error;
+      throw _ownError(error); // of another copy of the result
     } finally {
       module.destroyResult(result);
     }
     if (this.thrown) throw this.thrown.error;
     if (code !== 0) {
       const name = module.nameOf(code | 0);
+      // Enumerations have other names in C.
+      if (name === ARGUMENT) message = message.replace(/\b(VELLUM_|Vellum)(?=LEVEL|[A-Z][a-z])/g, '');
       throw new VellumError(name, message || (name === 'VELLUM_CANCELLED' ? 'the call was cancelled' : 'out of memory'));
     }
     return [JSON.parse(message), copies];
@@ -214,7 +247,7 @@ class Call {
 const indicesOf = (bytes) => new Int32Array(bytes.buffer);
 
 function addTexture(call, bake, texture) {
-  known('texture', texture, kTextureNames);
+  _known('texture', texture, kTextureNames);
   const types = [Uint8Array, Uint8ClampedArray, Uint16Array, Float32Array];
   const alpha = bytesOf('alpha', texture.alpha, types);
   const byType =
@@ -230,7 +263,7 @@ function addTexture(call, bake, texture) {
 }
 
 function addInput(call, bake, input) {
-  known('input', input, kInputNames);
+  _known('input', input, kInputNames);
   if (input.textures !== undefined && input.texture !== undefined)
     throw new VellumError(ARGUMENT, 'an input has texture or textures, not both');
   const textures = input.textures ?? (input.texture === undefined ? [] : [input.texture]);
@@ -254,8 +287,9 @@ function addInput(call, bake, input) {
     const bytes = bytesOf(name, input[name], [Uint8Array]);
     return bytes.length === triangles ? bytes : reject(`the length of ${name}`, bytes.length, `that of the triangles, ${triangles}`);
   };
-  const transform = input.uvTransform === undefined ? undefined : Float32Array.from(input.uvTransform);
-  if (transform !== undefined && transform.length !== 6) reject('the length of uvTransform', transform.length, '6');
+  const { uvTransform } = input;
+  if (uvTransform !== undefined && uvTransform?.length !== 6) reject('uvTransform', uvTransform, '6 numbers');
+  const transform = uvTransform && Float32Array.from(uvTransform);
   const cutoff = checked('real', 'cutoff', input.cutoff, 0.5);
   call.made(call.module.addInput(
     bake, call.put(uvs), uvs.length, uvStride, uvFormat, call.put(indexBytes), indexBytes?.length ?? 0, indexType,
@@ -284,7 +318,7 @@ class Vellum {
   }
 
   #call(options, names, run) {
-    const call = new Call(this.#module, known('options', options, names));
+    const call = new Call(this.#module, _known('options', options, names));
     try {
       return run(call);
     } finally {
@@ -313,7 +347,7 @@ class Vellum {
     });
   }
 
-  // Not part of the interface: the page in the folder `page` adds a function by it.
+  // The page in the folder `page` adds a function by it.
   _gltf(bytes, options, names, run) {
     return this.#call(options, ['name', 'files', ...names], (call) => {
       const { name = 'input', files = {} } = options;
@@ -346,13 +380,14 @@ class Vellum {
     const blend = checked('bit', 'blend', options.blend, false);
     const blendCutoff = checked('real', 'blendCutoff', options.blendCutoff);
     // Micromaps of a .gltf are always inside.
-    const flags = (blend || blendCutoff !== undefined ? 1 : 0) | 2 | (blendCutoff !== undefined ? 4 : 0);
+    const fallback = checked('bit', 'fallbackImages', options.fallbackImages, false);
+    const flags = (blend || blendCutoff !== undefined ? 1 : 0) | 2 | (blendCutoff !== undefined ? 4 : 0) | (fallback ? 8 : 0);
     const patterns = call.putText(lists.flat().join('\0'));
     return [call.putNumbers(options), flags, blendCutoff ?? 0.5, patterns, lists[0].length, lists[1].length];
   }
 
   bakeGltf(bytes, options = {}) {
-    return this._gltf(bytes, options, kGltfNames, (call, file) => {
+    return this._gltf(bytes, options, _kGltfNames, (call, file) => {
       const baking = this.#baking(call, options);
       const [{ output, ...report }, parts] = call.run(() => call.module.bakeGltf(...file, ...baking));
       return { bytes: parts[output], report };
@@ -402,9 +437,13 @@ async function fetched(url) {
   return readFile(url);
 }
 
+// Strings are relative to the page or, in Node.js, to this file.
+export const _located = (source) =>
+  typeof source === 'string' ? new URL(source, globalThis.location?.href ?? import.meta.url) : source;
+
 async function compile(source) {
   if (source instanceof WebAssembly.Module) return source;
-  if (typeof source === 'string') source = new URL(source, globalThis.location?.href ?? import.meta.url);
+  source = _located(source);
   if (source instanceof URL) source = await fetched(source);
   if (typeof Response !== 'undefined' && source instanceof Response) {
     if (!source.ok) throw new Error(`${source.url}: ${source.status} ${source.statusText}`);

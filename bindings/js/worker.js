@@ -1,30 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // The functions of index.js in a worker: they do not block, and a signal ends them at any time. worker.d.ts describes it.
-// This file is also what runs in the worker.
-import { VellumError, load } from './index.js';
+import { VellumError, _checkCallbacks, _known, _located, _ownError } from './index.js';
 
-const inNode = typeof process !== 'undefined' && Boolean(process.versions?.node);
-const threads = inNode ? await import(/* webpackIgnore: true */ /* @vite-ignore */ 'node:worker_threads') : undefined;
-const kName = 'vellum-omm';
-
-function serve(port) {
-  let vellum;
-  port.onmessage = async ({ data: { id, method, args, options, source, progress } }) => {
-    const onProgress = progress ? (done, total) => port.postMessage({ id, done, total }) : undefined;
-    try {
-      vellum ??= load(source).catch((error) => {
-        vellum = undefined; // the next call tries again
-        throw error;
-      });
-      const result = (await vellum)[method](...args, { ...options, ...(onProgress && { onProgress }) });
-      port.postMessage({ id, result });
-    } catch (error) {
-      const own = error instanceof VellumError;
-      // A module that trapped is not used again; the memory of one that has run out would never shrink.
-      if (!own || error.code === 'VELLUM_ERROR_OUT_OF_MEMORY') vellum = undefined;
-      port.postMessage({ id, error: { code: error.code, message: error.message || String(error), own } });
-    }
-  };
+// A copy with memory of its own of every array in the arguments of a call. Views of the same bytes have one copy.
+function copied(value, buffers) {
+  if (ArrayBuffer.isView(value)) {
+    const { buffer, byteOffset, byteLength } = value;
+    const type = value[Symbol.toStringTag]; // a Buffer of Node.js is a Uint8Array
+    if (!buffers.has(buffer)) buffers.set(buffer, new Map());
+    const copies = buffers.get(buffer);
+    const key = `${byteOffset} ${byteLength}`;
+    if (!copies.has(key)) copies.set(key, new Uint8Array(new Uint8Array(buffer, byteOffset, byteLength)).buffer);
+    return new globalThis[type](copies.get(key));
+  }
+  if (Array.isArray(value)) return value.map((member) => copied(member, buffers));
+  if (Object.prototype.toString.call(value) !== '[object Object]') return value;
+  return Object.fromEntries(Object.entries(value).map(([name, member]) => [name, copied(member, buffers)]));
 }
 
 export class VellumWorker {
@@ -35,7 +26,8 @@ export class VellumWorker {
   #next = 0;
 
   constructor(source, { make } = {}) {
-    this.#source = source;
+    const located = _located(source);
+    this.#source = located instanceof URL ? located.href : located;
     this.#make = make;
   }
 
@@ -71,29 +63,46 @@ export class VellumWorker {
     this.#calls.clear();
   }
 
-  #start() {
-    const worker = inNode
-      ? new threads.Worker(new URL('./worker.js', import.meta.url), { name: kName, workerData: kName })
-      : this.#make
-        ? this.#make({ type: 'module', name: kName })
-        : new Worker(new URL('./worker.js', import.meta.url), { type: 'module', name: kName }); // as bundlers know it
-    const receive = ({ id, result, error, done, total }) => {
-      const call = this.#calls.get(id);
-      if (done !== undefined) {
-        try {
-          return call?.onProgress(done, total);
-        } catch (error) {
-          return this.terminate(error);
-        }
-      }
+  // Starts a worker with these event handlers: worker-node.js has another one.
+  _start(handlers) {
+    const worker = this.#make
+      ? this.#make({ type: 'module', name: 'vellum-omm' })
+      : new Worker(new URL('./serve.js', import.meta.url), { type: 'module', name: 'vellum-omm' }); // as bundlers know it
+    return Object.assign(worker, handlers);
+  }
+
+  #started() {
+    // Of a worker that was ended before, nothing counts.
+    const current = (handle) => (event) => worker === this.#worker && handle(event);
+    const worker = this._start({
+      onmessage: current(({ data }) => this.#receive(data)),
+      onmessageerror: current(() => this.#lose('result')),
+      onerror: current((event) =>
+        this.terminate(event instanceof Error ? event : new Error(event.message || 'the worker cannot be started'))),
+    });
+    return worker;
+  }
+
+  // A message that cannot be received does not say of which call it is.
+  #lose(what) {
+    this.terminate(new VellumError('VELLUM_ERROR_OUT_OF_MEMORY', `there is not enough memory for the ${what} of a call`));
+  }
+
+  #receive({ id, result, error, done, total, lost }) {
+    if (lost) return this.#lose(lost);
+    const call = this.#calls.get(id);
+    if (done === undefined) {
       this.#calls.delete(id);
       this.#rest();
       if (!error) return call?.resolve(result);
-      call?.reject(error.own ? new VellumError(error.code, error.message) : new Error(error.message));
-    };
-    if (inNode) worker.on('message', receive).on('error', (error) => this.terminate(error));
-    else Object.assign(worker, { onmessage: ({ data }) => receive(data), onerror: (event) => this.terminate(new Error(event.message || 'the worker cannot be started')) });
-    return worker;
+      return call?.reject(error.own ? new VellumError(error.code, error.message) : new Error(error.message));
+    }
+    try {
+      call?.onProgress(done, total);
+    } catch (thrown) {
+      call.reject(thrown);
+      this.terminate();
+    }
   }
 
   // A worker without calls does not keep Node.js alive.
@@ -101,40 +110,28 @@ export class VellumWorker {
     if (this.#calls.size === 0) this.#worker?.unref?.();
   }
 
-  // Not part of the interface: the page in the folder `page` adds a function by it.
-  _post(method, args, { onProgress, signal, ...options } = {}) {
-    return new Promise((resolve, reject) => {
-      if (onProgress !== undefined && typeof onProgress !== 'function')
-        return reject(new VellumError('VELLUM_ERROR_INVALID_ARGUMENT', 'onProgress must be a function'));
-      const cancel = () => this.terminate();
-      const end = (settle) => (value) => {
-        signal?.removeEventListener('abort', cancel);
-        settle(value);
-      };
-      if (signal?.aborted) return reject(new VellumError('VELLUM_CANCELLED', 'cancelled before it began'));
-      signal?.addEventListener('abort', cancel, { once: true });
-      const id = this.#next++;
-      this.#worker ??= this.#start();
-      this.#worker.ref?.();
-      this.#calls.set(id, { resolve: end(resolve), reject: end(reject), onProgress });
-      try {
-        this.#worker.postMessage({ id, method, args, options, source: this.#source, progress: onProgress !== undefined });
-      } catch (error) {
-        this.#calls.delete(id);
-        this.#rest();
-        end(reject)(error);
-      }
-    });
-  }
-}
-
-if (threads ? threads.workerData === kName : typeof WorkerGlobalScope !== 'undefined' && self.name === kName) {
-  if (threads) {
-    const { parentPort } = threads;
-    const port = { postMessage: (message) => parentPort.postMessage(message) };
-    parentPort.on('message', (data) => port.onmessage({ data }));
-    serve(port);
-  } else {
-    serve(self);
+  // The page in the folder `page` adds a function by it.
+  async _post(method, args, given = {}) {
+    _known('options', given, Object.keys(given ?? {}).filter((name) => name !== 'cancelled'));
+    _checkCallbacks(given);
+    const { onProgress, signal, ...options } = given;
+    const id = this.#next++;
+    try {
+      const buffers = new Map();
+      const message = { id, method, ...copied({ args, options }, buffers), source: this.#source, progress: onProgress !== undefined };
+      this.#worker ??= this.#started();
+      this.#worker.postMessage(message, [...buffers.values()].flatMap((copies) => [...copies.values()]));
+    } catch (error) {
+      this.#rest();
+      throw _ownError(error);
+    }
+    this.#worker.ref?.();
+    const cancel = () => this.terminate();
+    signal?.addEventListener('abort', cancel, { once: true });
+    try {
+      return await new Promise((resolve, reject) => this.#calls.set(id, { resolve, reject, onProgress }));
+    } finally {
+      signal?.removeEventListener('abort', cancel);
+    }
   }
 }

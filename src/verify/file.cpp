@@ -167,8 +167,8 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
     if (options_.progress)
         options.progress = [&](size_t done, size_t total) {
             // The product has more bits than a size_t of 32.
-            const uint64_t triangles = uint64_t{stored.indices.size()} * done / std::max<size_t>(total, 1);
-            options_.progress(done_ + static_cast<size_t>(triangles), total_);
+            const uint64_t reached = uint64_t{stored.indices.size()} * done / std::max<size_t>(total, 1);
+            options_.progress(done_ + static_cast<size_t>(reached), total_);
         };
     PrimitiveReport report;
     report.place = place;

@@ -19,7 +19,8 @@ vellum.bakeGltf(new Uint8Array(), { ...rows[recommendation?.row ?? 0].bakeOption
 vellum.sweepGltf(new Uint8Array(), { level: 1 });
 console.log(new VellumWorker(undefined, { make: (options) => new Worker('code', options) }));
 const worker = new VellumWorker();
-const read = await worker.readGltf(new Uint8Array());
+const read = await worker.readGltf(new Uint8Array(), { signal: AbortSignal.timeout(1000) });
+console.log(new VellumWorker(new URL('file:///vellum.wasm')), await load(await fetch('vellum.wasm')));
 console.log(read.primitives[0].name);
 worker.terminate(new VellumError('VELLUM_CANCELLED', 'enough'));
 // @ts-expect-error: a worker's calls are cancelled by their signal.
@@ -40,4 +41,6 @@ const arrays: [Uint8Array, Uint8Array, Int32Array] | null = micromap && [microma
 console.log(arrays, binding!.getOptions().maxLevel, micromap!.getUsages()[0].subdivisionLevel);
 // @ts-expect-error: no such option
 omm({ cancelled: 1 });
+// @ts-expect-error: a document has its files.
+omm({ files: {} });
 export default micromapConfig({ encoder: sharp });

@@ -25,7 +25,7 @@ def main():
     module, version, out = sys.argv[1:]
     # The page and its worker run the same code. It is a classic script, because browsers run no module from a Blob in a worker if
     # the page is a local file.
-    code = text_of(INSPECT / "elements.js", HERE.parent / "index.js", HERE.parent / "worker.js", HERE / "page.js")
+    code = text_of(INSPECT / "elements.js", *(HERE.parent / name for name in ("index.js", "serve.js", "worker.js")), HERE / "page.js")
     code = re.sub(r"^import .* from './index.js';$", "", code, flags=re.M)
     code = re.sub(r"^export (?=class |const |function |async )", "", code, flags=re.M).replace("import.meta.url", "location.href")
     if re.search(r"^\s*(import|export)\s|</script|<!--", code, re.M):

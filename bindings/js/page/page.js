@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page: a file, the settings that a sweep compares, the bake, and the page of `vellum inspect` for the result. This code also
-// runs in the worker, which uses index.js, worker.js and Vellum.inspectPage().
+// runs in the worker, which uses index.js, serve.js and Vellum.inspectPage().
 
 const kModels = ['.glb', '.gltf'];
 const kMostBytes = 2 ** 31 - 1; // of all files together

@@ -538,8 +538,10 @@ async function tests() {
 
   test('wrong options, and what cannot be baked', async () => {
     const document = await io.readBinary(models['mixture 1']);
-    for (const [options, message] of [[{ maxLevel: 13 }, /maxLevel is 13/], [{ levle: 1 }, /no member "levle"/]])
+    for (const [options, message] of [[{ maxLevel: 13 }, /maxLevel is 13/], [{ levle: 1 }, /no member "levle"/], [{ files: {} }, /no member "files"/]])
       await assert.rejects(document.transform(omm({ vellum, ...options })), (error) => error instanceof api.VellumError && message.test(error.message));
+    // Also where there is nothing to bake.
+    await assert.rejects(new core.Document().transform(omm({ vellum, levle: 1 })), /no member "levle"/);
     const seen = [];
     await document.transform(omm({ vellum, onProgress: (done, total) => seen.push(done / total) }));
     assert.equal(seen.at(-1), 1);
@@ -752,11 +754,13 @@ async function tests() {
   });
 
   test('the types', { skip: !existsSync(join(installed, 'node_modules/typescript')) && 'typescript is not installed' }, () => {
-    const path = join(installed, 'vellum-test-types.mts');
-    writeFileSync(path, readFileSync(join(here, '../cases/types.mts')));
     const compiler = join(installed, 'node_modules/typescript/bin/tsc');
-    const { status, stdout } = spawnSync(process.execPath, [compiler, '--noEmit', '--strict', '--target', 'es2022', '--module', 'nodenext',
-      '--lib', 'es2022,dom', '--types', 'node', path], { encoding: 'utf8', cwd: installed });
-    assert.equal(status, 0, stdout);
+    for (const [name, lib, types] of [['types.mts', 'es2022,dom', 'node'], ['types_alone.mts', 'es2022', '']]) {
+      const path = join(installed, `vellum-test-${name}`);
+      writeFileSync(path, readFileSync(join(here, '../cases', name)));
+      const { status, stdout } = spawnSync(process.execPath, [compiler, '--noEmit', '--strict', '--target', 'es2022', '--module', 'nodenext',
+        '--lib', lib, '--types', types, path], { encoding: 'utf8', cwd: installed });
+      assert.equal(status, 0, stdout);
+    }
   });
 }

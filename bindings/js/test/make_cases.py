@@ -97,6 +97,12 @@ def a_case(pick, number):
     level = LEVELS[number % len(LEVELS)]
     inputs = [an_input(pick, 12 if level < 7 else 2) for _ in range(pick.choice((1, 1, 1, 2)))]
     options = some_options(pick, level)
+    # Inputs that share their textures, and coordinates of the first, which are found to be the same.
+    shared = number % 5 == 4
+    if shared:
+        textures, *first = inputs[0]
+        inputs = [(textures, *first), (textures, *first), (textures, *an_input(pick, 6)[1:])]
+        options.update(level=-1, maxLevel=5, texelsPerEdge=0.5, budget=pick.randrange(200))
     made = []
     for textures, uvs, indices, members in inputs:
         view = memoryview(indices[1]).cast(indices[0]) if indices else None
@@ -107,7 +113,8 @@ def a_case(pick, number):
                 "indices": indices and [indices[0], text(indices[1])],
                 "members": {name: list(value) if isinstance(value, bytes) else value for name, value in members.items()}}
                for textures, uvs, indices, members in inputs]
-    return {"inputs": as_text, "options": options, "digest": digest_of(micromap), "bytes": len(micromap.data)}
+    return {"inputs": as_text, "shared": shared, "options": options, "digest": digest_of(micromap),
+            "distinct": micromap.distinct_count, "bytes": len(micromap.data)}
 
 
 def main():

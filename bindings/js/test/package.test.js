@@ -8,10 +8,12 @@ import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { createHash } from 'node:crypto';
 import { mkdtempSync, readFileSync, readdirSync, rmSync } from 'node:fs';
+import { createRequire } from 'node:module';
 import { tmpdir } from 'node:os';
 import { dirname, join, resolve } from 'node:path';
 import { after, test } from 'node:test';
 import { fileURLToPath, pathToFileURL } from 'node:url';
+import { deflateSync } from 'node:zlib';
 
 const here = dirname(fileURLToPath(import.meta.url));
 const root = resolve(here, '../../..');
@@ -19,7 +21,7 @@ const folder = resolve(process.env.VELLUM_PACKAGE ?? join(root, 'build/wasm/pack
 const library = process.env.VELLUM_LIBRARY_PATH;
 const command = process.env.VELLUM_COMMAND;
 const api = await import(pathToFileURL(join(folder, 'index.js')));
-const { VellumWorker } = await import(pathToFileURL(join(folder, 'worker.js')));
+const { VellumWorker } = await import(pathToFileURL(join(folder, 'worker-node.js')));
 const { VellumError } = api;
 const vellum = await api.load();
 
@@ -50,6 +52,75 @@ const decoded = (text, type) => {
   return type ? new type(bytes.buffer) : bytes;
 };
 
+// The module with another limit for its memory, in pages of 64 KiB.
+function limited(pages) {
+  const bytes = bytesOf(join(folder, 'vellum.wasm'));
+  const numberAt = (at) => {
+    let [value, shift, byte] = [0, 0];
+    do {
+      byte = bytes[at++];
+      value += (byte & 127) << shift;
+      shift += 7;
+    } while (byte > 127);
+    return [value, at];
+  };
+  for (let at = 8; at < bytes.length; ) {
+    const id = bytes[at];
+    const [size, begin] = numberAt(at + 1);
+    if (id === 5) {
+      // One memory, with limits: flags, the first number of pages, the last, which has 3 bytes.
+      const [, last] = numberAt(begin + 2);
+      assert.deepEqual([...bytes.subarray(begin, begin + 2), ...numberAt(last)], [1, 1, 65536, last + 3]);
+      bytes.set([(pages & 127) | 128, ((pages >> 7) & 127) | 128, pages >> 14], last);
+    }
+    at = begin + size;
+  }
+  return api.load(bytes);
+}
+
+// A .glb with other JSON and, if given, other bytes at the end of its binary part.
+function changed(glb, change, more = new Uint8Array()) {
+  const size = Buffer.from(glb.buffer, glb.byteOffset).readUInt32LE(12);
+  const document = JSON.parse(Buffer.from(glb).toString('utf8', 20, 20 + size));
+  change(document);
+  document.buffers[0].byteLength = glb.length - 28 - size + more.length;
+  const text = JSON.stringify(document);
+  const json = Buffer.from(text.padEnd(Math.ceil(text.length / 4) * 4));
+  const bin = Buffer.concat([glb.subarray(28 + size), more, Buffer.alloc(-(glb.length + more.length) & 3)]);
+  const head = (...words) => Buffer.from(Uint32Array.from(words).buffer);
+  const length = 28 + json.length + bin.length;
+  return new Uint8Array(Buffer.concat([head(0x46546c67, 2, length, json.length, 0x4e4f534a), json, head(bin.length, 0x4e4942), bin]));
+}
+
+function crc(bytes) {
+  let sum = ~0;
+  for (const byte of bytes) {
+    sum ^= byte;
+    for (let bit = 0; bit < 8; ++bit) sum = sum & 1 ? (sum >>> 1) ^ 0xedb88320 : sum >>> 1;
+  }
+  return ~sum >>> 0;
+}
+
+// The tree with a PNG whose texels all have the same alpha.
+function treeWith(size, rgba) {
+  const chunk = (type, content) => {
+    const all = Buffer.concat([Buffer.alloc(4), Buffer.from(type), content, Buffer.alloc(4)]);
+    all.writeUInt32BE(content.length, 0);
+    all.writeUInt32BE(crc(all.subarray(4, -4)), all.length - 4);
+    return all;
+  };
+  const header = Buffer.from([0, 0, 0, 0, 0, 0, 0, 0, 8, 6, 0, 0, 0]);
+  header.writeUInt32BE(size, 0);
+  header.writeUInt32BE(size, 4);
+  const row = Buffer.concat([Buffer.alloc(1), ...Array(size).fill(Buffer.from(rgba))]);
+  const rows = Buffer.concat(Array(size).fill(row));
+  const png = Buffer.concat([Buffer.from('\x89PNG\r\n\x1a\n', 'latin1'), chunk('IHDR', header), chunk('IDAT', deflateSync(rows)), chunk('IEND', Buffer.alloc(0))]);
+  return changed(bytesOf(tree), ({ bufferViews, images, buffers }) => {
+    bufferViews.push({ buffer: 0, byteOffset: buffers[0].byteLength, byteLength: png.length });
+    images[0].bufferView = bufferViews.length - 1;
+  }, png);
+}
+
 function digestOf({ data, triangles, indices }) {
   const hash = createHash('sha256');
   for (const part of [data, triangles, new Uint8Array(indices.buffer)]) hash.update(part);
@@ -64,16 +135,19 @@ test('random bakes have the bytes of the native library', { skip: !library && 'V
   let bytes = 0;
   for (const [number, line] of lines.entries()) {
     const expected = JSON.parse(line);
+    const texturesOf = (list) => list.map((t) => ({ ...t, alpha: decoded(t.alpha) }));
+    const shared = expected.shared && texturesOf(expected.inputs[0].textures);
     const inputs = expected.inputs.map(({ textures, uvs, indices, members }) => ({
       ...members,
       ...(members.levels && { levels: Uint8Array.from(members.levels) }),
       ...(members.formats && { formats: Uint8Array.from(members.formats) }),
-      textures: textures.map((t) => ({ ...t, alpha: decoded(t.alpha) })),
+      textures: shared || texturesOf(textures),
       uvs: decoded(uvs),
       ...(indices && { indices: decoded(indices[1], { B: Uint8Array, H: Uint16Array, I: Uint32Array }[indices[0]]) }),
     }));
     const made = vellum.bake(inputs, expected.options);
     assert.equal(digestOf(made), expected.digest, `case ${number}: ${line.slice(0, 2000)}`);
+    assert.equal(made.distinctCount, expected.distinct, `case ${number}`);
     bytes += made.data.length;
   }
   assert(bytes > 100000);
@@ -250,6 +324,10 @@ test('wrong arguments are errors that name them', () => {
   bad(() => {}, /no member "levle"/, { levle: 1 });
   bad(() => {}, /minKnown/, { minKnown: 2 });
   bad(() => {}, /onProgress is 1, not a function/, { onProgress: 1 });
+  for (const signal of [new AbortController(), null, 1]) bad(() => {}, /signal is .*, not an AbortSignal/, { signal });
+  for (const uvTransform of [null, 1, [1, 2]]) bad((c) => (c.uvTransform = uvTransform), /uvTransform is .*, not 6 numbers/);
+  bad(() => {}, /level is 13, not 0 to 12 or LEVEL_AUTOMATIC/, { level: 13 });
+  bad(() => {}, /twoStateRule is 7, not a TwoStateRule/, { twoStateRule: 7 });
   assert.throws(() => vellum.bake(card(), { level: 9, maxDataSize: 100 }), fails('VELLUM_ERROR_TOO_LARGE', /./));
   assert.throws(() => vellum.bakeGltf('text'), fails('VELLUM_ERROR_INVALID_ARGUMENT', /bytes/));
 });
@@ -304,6 +382,93 @@ test('memory does not grow', () => {
   assert.equal(vellum.memorySize, before);
 });
 
+test('where memory runs out, the error says so, and the file is not blamed', async () => {
+  const outOfMemory = fails('VELLUM_ERROR_OUT_OF_MEMORY', /memory/);
+  const large = treeWith(2048, [255, 255, 255, 255]);
+  const baked = vellum.bakeGltf(large, { level: 1 }).bytes;
+  assert.equal(vellum.verifyGltf(baked).counts.wrong, 0);
+  const long = new TextEncoder().encode(JSON.stringify({ asset: { version: '2.0', generator: 'x'.repeat(12 << 20) } }));
+  assert.equal(vellum.bakeGltf(long).report.primitiveCount, 0);
+  let texels = 0;
+  for (const pages of [300, 350, 400, 450, 500, 600]) {
+    const small = await limited(pages);
+    for (const [method, bytes, options] of [
+      ['bakeGltf', large, { level: 1 }],
+      ['sweepGltf', large, { maxLevel: 1 }],
+      ['verifyGltf', baked],
+      ['bakeGltf', long],
+    ])
+      try {
+        assert.deepEqual(small[method](bytes, options).unverified ?? [], []);
+      } catch (error) {
+        assert(outOfMemory(error));
+        texels += method === 'verifyGltf';
+      }
+    assert.equal(small.bake(card(), { level: 2 }).indices.length, 2);
+  }
+  assert(texels > 2);
+  const small = await limited(1024);
+  assert.throws(() => small.bake({ ...card(), texture: { width: 1, height: 1, alpha: new Uint8Array(1 << 27) } }), outOfMemory);
+  let endless;
+  try {
+    endless = new Uint8Array(2 ** 32);
+  } catch {
+    return; // not in this version of Node.js
+  }
+  assert.throws(() => vellum.bake({ ...card(), texture: { width: 1, height: 1, alpha: endless } }), outOfMemory);
+});
+
+test('inputs that share a texture share its copy', async () => {
+  const own = await api.load();
+  const alpha = new Uint8ClampedArray(4 * 1024 * 1024).fill(255);
+  const texture = { width: 1024, height: 1024, alpha, offset: 3, pixelStride: 4 };
+  const made = own.bake(Array.from({ length: 40 }, () => ({ ...card(), texture: { ...texture } })), { level: 2 });
+  assert.equal(made.distinctCount, 2);
+  assert(own.memorySize < 64 << 20, `${own.memorySize} bytes`);
+});
+
+test('textures with an image that is not supported, and another one', () => {
+  const both = changed(bytesOf(tree), ({ images, textures }) => {
+    images.push({ uri: 'leaf.ktx2' });
+    textures[0].extensions = { KHR_texture_basisu: { source: 1 } };
+  });
+  const { skipped } = vellum.bakeGltf(both).report;
+  assert.equal(skipped[0].reason, 'its texture also has an image that is not supported (KHR_texture_basisu), which renderers may take');
+  assert.equal(vellum.bakeGltf(both, { fallbackImages: true }).report.primitiveCount, 1);
+  assert.equal(vellum.sweepGltf(both, { fallbackImages: true }).primitives.length, 1);
+});
+
+test('progress is reported some hundred times at most, whatever the file has', () => {
+  const triangles = 1 << 17;
+  const steps = (method, bytes, options) => {
+    const seen = [];
+    vellum[method](bytes, { ...options, onProgress: (done, total) => seen.push([done, total]) });
+    assert(seen.length > 0 && seen.length < 400, `${method}: ${seen.length}`);
+    assert(seen.every(([done, total], i) => done <= total && (i === 0 || done >= seen[i - 1][0])), method);
+    assert.equal(seen.at(-1)[0], seen.at(-1)[1]);
+  };
+  const many = changed(bytesOf(tree), ({ meshes, materials }) => {
+    for (let i = 1; i < 30; ++i) {
+      materials.push({ ...materials[1], alphaCutoff: i / 50 });
+      meshes[0].primitives.push({ ...meshes[0].primitives[1], material: materials.length - 1 });
+    }
+  });
+  steps('bakeGltf', many, { level: 0 });
+  steps('sweepGltf', many, { maxLevel: 1 });
+  // The product of two counts of triangles has more than 32 bits.
+  const uvs = Float32Array.from({ length: 6 * triangles }, (_, i) => i / 997);
+  const bytes = new Uint8Array(uvs.buffer);
+  const wide = changed(bytesOf(tree), ({ meshes, accessors, bufferViews, buffers }) => {
+    bufferViews.push({ buffer: 0, byteOffset: buffers[0].byteLength, byteLength: bytes.length });
+    accessors.push({ bufferView: bufferViews.length - 1, componentType: 5126, count: 3 * triangles, type: 'VEC2' });
+    accessors.push({ componentType: 5126, count: 3 * triangles, type: 'VEC3', min: [0, 0, 0], max: [0, 0, 0] });
+    meshes[0].primitives = [{ attributes: { TEXCOORD_0: accessors.length - 2, POSITION: accessors.length - 1 }, material: 1 }];
+  }, bytes);
+  const baked = vellum.bakeGltf(wide, { level: 0 });
+  assert.equal(baked.report.primitiveCount, 1);
+  steps('verifyGltf', baked.bytes);
+});
+
 test('results stay valid, and modules are independent', async () => {
   const first = vellum.bake(card(), { level: 5 });
   const copy = first.data.slice();
@@ -338,7 +503,64 @@ test('the worker', async () => {
   const { bytes } = await worker.bakeGltf(bytesOf(tree));
   assert.deepEqual(bytes, vellum.bakeGltf(bytesOf(tree)).bytes);
   assert.deepEqual(await worker.sweepGltf(bytes, { maxLevel: 3 }), vellum.sweepGltf(bytes, { maxLevel: 3 }));
+  const rejects = (promise, message) => assert.rejects(promise, fails('VELLUM_ERROR_INVALID_ARGUMENT', message));
+  await rejects(worker.bake(card(), { cancelled: () => true }), /no member "cancelled"/);
+  await rejects(worker.bake(card(), null), /options is null/);
+  await rejects(worker.bake(card(), { signal: controller }), /signal is/);
+  await rejects(worker.bake(card(), { level: () => 1 }), /could not be cloned/);
+  await rejects(worker.bake(card(), { onProgress: 1 }), /onProgress is 1/);
+  assert.equal((await worker.readGltf(bytes, { signal: new AbortController().signal })).micromaps.length, 1);
+  // One call's callback does not speak for the others.
+  const calls = await Promise.allSettled([worker.bake(card(), { level: 9, onProgress: throws }), worker.bake(card())]);
+  assert.equal(calls[0].reason, thrown);
+  assert(fails('VELLUM_CANCELLED', /cancel/)(calls[1].reason));
   worker.terminate();
+  for (const source of [pathToFileURL(join(folder, 'vellum.wasm')), 'vellum.wasm', bytesOf(join(folder, 'vellum.wasm'))]) {
+    const other = new VellumWorker(source);
+    assert.deepEqual(await other.bake(card(), { level: 4 }), made);
+    other.terminate();
+  }
+});
+
+test('what is sent to a worker, and what it cannot receive', async () => {
+  const started = [];
+  class Recorded extends VellumWorker {
+    _start(handlers) {
+      const worker = { ...handlers, sent: [], terminate() {}, postMessage: (message, moved) => worker.sent.push([message, moved]) };
+      started.push(worker);
+      return worker;
+    }
+  }
+  const worker = new Recorded();
+  const whole = new Uint8Array(new SharedArrayBuffer(1 << 20)).fill(1);
+  const alpha = whole.subarray(100, 100 + 64 * 64);
+  const inputs = [card(), card()];
+  for (const input of inputs) input.texture.alpha = alpha;
+  const lost = worker.bake(inputs);
+  const [{ args: [sent] }, moved] = started[0].sent[0];
+  assert.equal(sent[0].texture.alpha.buffer, sent[1].texture.alpha.buffer);
+  assert.equal(sent[0].texture.alpha.buffer.byteLength, 64 * 64);
+  assert(sent[0].texture.alpha.buffer instanceof ArrayBuffer && sent[0].uvs instanceof Float32Array);
+  assert.deepEqual([...sent[0].texture.alpha], [...alpha]);
+  assert.equal(moved.length, 5);
+  started[0].onmessageerror();
+  await assert.rejects(lost, fails('VELLUM_ERROR_OUT_OF_MEMORY', /memory for the result/));
+  const alsoLost = worker.bake(inputs);
+  started[1].onmessage({ data: { lost: 'arguments' } });
+  await assert.rejects(alsoLost, fails('VELLUM_ERROR_OUT_OF_MEMORY', /memory for the arguments/));
+  // What an ended worker still reports is not about its successor.
+  const last = worker.bake(card());
+  started[0].onerror(new Error('late'));
+  started[1].onmessageerror();
+  started[2].onmessage({ data: { id: started[2].sent[0][0].id, result: 'made' } });
+  assert.equal(await last, 'made');
+});
+
+test('the package is found by its names, also by require()', () => {
+  const require = createRequire(join(folder, 'index.js'));
+  assert.equal(require.resolve('vellum-omm/worker'), join(folder, 'worker-node.js'));
+  assert.equal(require.resolve('vellum-omm'), join(folder, 'index.js'));
+  if (process.features.require_module) assert.equal(require('vellum-omm/worker').VellumWorker, VellumWorker);
 });
 
 test('the example of docs/javascript.md', async () => {
@@ -346,7 +568,7 @@ test('the example of docs/javascript.md', async () => {
   const examples = [...page.matchAll(/```js\n([\s\S]*?)```/g)].map((match) => match[1]);
   assert(examples.length > 0);
   const index = JSON.stringify(pathToFileURL(join(folder, 'index.js')));
-  const worker = JSON.stringify(pathToFileURL(join(folder, 'worker.js')));
+  const worker = JSON.stringify(pathToFileURL(join(folder, 'worker-node.js')));
   const AsyncFunction = (async () => {}).constructor;
   for (const example of examples) {
     const code = example

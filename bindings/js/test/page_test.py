@@ -547,7 +547,7 @@ class PackageTest(unittest.TestCase):
     def test_modules_and_worker(self):
         with tempfile.TemporaryDirectory() as name, Page(pathlib.Path(name)) as page:
             folder = pathlib.Path(name)
-            for name_of_file in ("index.js", "worker.js", "vellum.wasm"):
+            for name_of_file in ("index.js", "serve.js", "worker.js", "vellum.wasm"):
                 shutil.copy(pathlib.Path(PAGE).resolve().parent / "package" / name_of_file, folder)
             (folder / "tree.glb").write_bytes(leaves())
             (folder / "page.html").write_text("<title>test</title><link rel=icon href=data:,>")

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Uses stb_image, in builds without the image libraries: PNG and JPEG.
 #include <array>
+#include <cstdlib>
 #include <memory>
 #include <new>
 #include <string>
@@ -8,6 +9,23 @@
 
 #include "gltf/data/image_formats.h"
 
+namespace
+{
+
+// An allocation failed since this was cleared. stb_image itself may report it as a fault of the image.
+thread_local bool outOfMemory = false;
+
+void *noted(void *memory)
+{
+    outOfMemory = outOfMemory || memory == nullptr;
+    return memory;
+}
+
+} // namespace
+
+#define STBI_MALLOC(size) noted(std::malloc(size))
+#define STBI_REALLOC(memory, size) noted(std::realloc(memory, size))
+#define STBI_FREE(memory) std::free(memory)
 #define STB_IMAGE_IMPLEMENTATION
 #define STB_IMAGE_STATIC
 #define STBI_ONLY_PNG
@@ -47,7 +65,7 @@ int lengthOf(Encoded encoded, const std::string &what)
 {
     const char *given = stbi_failure_reason();
     const std::string reason = given ? given : "unknown reason";
-    if (reason == "outofmem")
+    if (outOfMemory || reason == "outofmem")
         throw std::bad_alloc();
     failToDecode(what, reason);
 }
@@ -55,6 +73,7 @@ int lengthOf(Encoded encoded, const std::string &what)
 // The size by its header.
 Image withoutTexels(Encoded encoded, const std::string &what)
 {
+    outOfMemory = false;
     int width = 0;
     int height = 0;
     int channels = 0;
@@ -68,6 +87,7 @@ template <typename Channel>
 std::unique_ptr<Channel, Free> texelsBy(Channel *load(const stbi_uc *, int, int *, int *, int *, int), Encoded encoded,
                                         const std::string &what)
 {
+    outOfMemory = false;
     int width = 0;
     int height = 0;
     int channels = 0;

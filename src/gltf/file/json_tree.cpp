@@ -22,7 +22,6 @@ constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
 
 // Where memory runs out, RapidJSON's own allocator returns null, which is then written to. This one throws.
 struct Allocator {
-    static constexpr bool kNeedFree = true;
     static void *Malloc(size_t size) { return ::operator new(size); }
     static void *Realloc(void *old, size_t oldSize, size_t size)
     {
