@@ -433,7 +433,8 @@ class Vellum {
 // Node.js fetches no files.
 async function fetched(url) {
   if (url.protocol !== 'file:') return fetch(url);
-  const { readFile } = await import(/* webpackIgnore: true */ /* @vite-ignore */ 'node:fs/promises');
+  const files = 'node:fs/promises'; // esbuild would look for it in a literal
+  const { readFile } = await import(/* webpackIgnore: true */ /* @vite-ignore */ files);
   return readFile(url);
 }
 

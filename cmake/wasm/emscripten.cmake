@@ -16,7 +16,7 @@ if(NOT inTryCompile)
   list(APPEND CMAKE_FIND_ROOT_PATH ${staged})
 endif()
 
-# What Node.js 18 and browsers since 2022 have: exceptions that cost nothing where none is thrown, SSE2 as 128-bit vectors,
+# What Node.js 18 and the browsers of docs/javascript.md have: exceptions that cost nothing where none is thrown, SSE2 as 128-bit vectors,
 # and conversions without a check for each.
 set(flags "-fwasm-exceptions -msimd128 -msse2 -mnontrapping-fptoint -msign-ext")
 set(CMAKE_C_FLAGS_INIT "${flags}")

@@ -763,4 +763,19 @@ async function tests() {
       assert.equal(status, 0, stdout);
     }
   });
+
+  test('Vite builds the package and its worker', { skip: !existsSync(join(installed, 'node_modules/vite')) && 'vite is not installed' }, () => {
+    const app = join(installed, 'vellum-test-app');
+    mkdirSync(app, { recursive: true });
+    writeFileSync(join(app, 'index.html'), '<script type="module" src="/main.js"></script>');
+    writeFileSync(join(app, 'main.js'), `
+      import { load } from 'vellum-omm';
+      import { VellumWorker } from 'vellum-omm/worker';
+      console.log(await load(), new VellumWorker());`);
+    execFileSync(process.execPath, [join(installed, 'node_modules/vite/bin/vite.js'), 'build', '--emptyOutDir'], { cwd: app, stdio: 'pipe' });
+    const made = readdirSync(join(app, 'dist/assets')).sort();
+    assert.deepEqual(made.map((name) => name.replace(/-[\w-]{8}\./, '.')).sort(), ['index.js', 'serve.js', 'vellum.wasm']);
+    const wasm = readFileSync(join(app, 'dist/assets', made.find((name) => name.endsWith('.wasm'))));
+    assert(wasm.equals(readFileSync(join(installed, 'node_modules/vellum-omm/vellum.wasm'))));
+  });
 }
