@@ -116,20 +116,22 @@ export class VellumWorker {
     _checkCallbacks(given);
     const { onProgress, signal, ...options } = given;
     const id = this.#next++;
+    const ended = new Promise((resolve, reject) => this.#calls.set(id, { resolve, reject, onProgress }));
     try {
       const buffers = new Map();
       const message = { id, method, ...copied({ args, options }, buffers), source: this.#source, progress: onProgress !== undefined };
       this.#worker ??= this.#started();
+      this.#worker.ref?.();
       this.#worker.postMessage(message, [...buffers.values()].flatMap((copies) => [...copies.values()]));
     } catch (error) {
+      this.#calls.delete(id);
       this.#rest();
       throw _ownError(error);
     }
-    this.#worker.ref?.();
     const cancel = () => this.terminate();
     signal?.addEventListener('abort', cancel, { once: true });
     try {
-      return await new Promise((resolve, reject) => this.#calls.set(id, { resolve, reject, onProgress }));
+      return await ended;
     } finally {
       signal?.removeEventListener('abort', cancel);
     }
