@@ -11,6 +11,7 @@ import { tmpdir } from 'node:os';
 import { dirname, join, resolve } from 'node:path';
 import { after, test } from 'node:test';
 import { fileURLToPath, pathToFileURL } from 'node:url';
+import { limited } from '../cases/limited.js';
 import { mixture } from '../cases/models.js';
 
 const here = dirname(fileURLToPath(import.meta.url));
@@ -456,6 +457,23 @@ async function tests() {
     await assert.rejects(document.transform(other(kOptions)), /vellum\.wasm/);
     copyFileSync(join(from, 'vellum.wasm'), join(copy, 'vellum.wasm'));
     await document.transform(other(kOptions));
+    assert(bindingsOf(document).length > 0);
+    rmSync(copy, { recursive: true });
+  });
+
+  test('a module whose memory has run out is not used again', async () => {
+    const from = join(installed, 'node_modules/vellum-omm');
+    const copy = join(installed, 'vellum-test-small');
+    rmSync(copy, { recursive: true, force: true });
+    mkdirSync(copy);
+    for (const name of ['index.js', 'gltf-transform.js', 'package.json']) copyFileSync(join(from, name), join(copy, name));
+    const wasm = readFileSync(join(from, 'vellum.wasm'));
+    writeFileSync(join(copy, 'vellum.wasm'), limited(wasm, 260));
+    const { omm: other } = await import(pathToFileURL(join(copy, 'gltf-transform.js')));
+    const document = await ioOf().readBinary(models['mixture 1']);
+    await assert.rejects(document.transform(other({ level: 10 })), { code: 'VELLUM_ERROR_OUT_OF_MEMORY' });
+    writeFileSync(join(copy, 'vellum.wasm'), wasm);
+    await document.transform(other({ level: 8 }));
     assert(bindingsOf(document).length > 0);
     rmSync(copy, { recursive: true });
   });

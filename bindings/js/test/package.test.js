@@ -14,6 +14,7 @@ import { dirname, join, resolve } from 'node:path';
 import { after, test } from 'node:test';
 import { fileURLToPath, pathToFileURL } from 'node:url';
 import { deflateSync } from 'node:zlib';
+import { limited } from '../cases/limited.js';
 
 const here = dirname(fileURLToPath(import.meta.url));
 const root = resolve(here, '../../..');
@@ -51,32 +52,6 @@ const decoded = (text, type) => {
   const bytes = new Uint8Array(Buffer.from(text, 'base64'));
   return type ? new type(bytes.buffer) : bytes;
 };
-
-// The module with another limit for its memory, in pages of 64 KiB.
-function limited(pages) {
-  const bytes = bytesOf(join(folder, 'vellum.wasm'));
-  const numberAt = (at) => {
-    let [value, shift, byte] = [0, 0];
-    do {
-      byte = bytes[at++];
-      value += (byte & 127) << shift;
-      shift += 7;
-    } while (byte > 127);
-    return [value, at];
-  };
-  for (let at = 8; at < bytes.length; ) {
-    const id = bytes[at];
-    const [size, begin] = numberAt(at + 1);
-    if (id === 5) {
-      // One memory, with limits: flags, the first number of pages, the last, which has 3 bytes.
-      const [, last] = numberAt(begin + 2);
-      assert.deepEqual([...bytes.subarray(begin, begin + 2), ...numberAt(last)], [1, 1, 65536, last + 3]);
-      bytes.set([(pages & 127) | 128, ((pages >> 7) & 127) | 128, pages >> 14], last);
-    }
-    at = begin + size;
-  }
-  return api.load(bytes);
-}
 
 // A .glb with other JSON and, if given, other bytes at the end of its binary part.
 function changed(glb, change, more = new Uint8Array()) {
@@ -383,6 +358,7 @@ test('memory does not grow', () => {
 });
 
 test('where memory runs out, the error says so, and the file is not blamed', async () => {
+  const wasm = bytesOf(join(folder, 'vellum.wasm'));
   const outOfMemory = fails('VELLUM_ERROR_OUT_OF_MEMORY', /memory/);
   const large = treeWith(2048, [255, 255, 255, 255]);
   const baked = vellum.bakeGltf(large, { level: 1 }).bytes;
@@ -391,7 +367,7 @@ test('where memory runs out, the error says so, and the file is not blamed', asy
   assert.equal(vellum.bakeGltf(long).report.primitiveCount, 0);
   let texels = 0;
   for (const pages of [300, 350, 400, 450, 500, 600]) {
-    const small = await limited(pages);
+    const small = await api.load(limited(wasm, pages));
     for (const [method, bytes, options] of [
       ['bakeGltf', large, { level: 1 }],
       ['sweepGltf', large, { maxLevel: 1 }],
@@ -407,7 +383,7 @@ test('where memory runs out, the error says so, and the file is not blamed', asy
     assert.equal(small.bake(card(), { level: 2 }).indices.length, 2);
   }
   assert(texels > 2);
-  const small = await limited(1024);
+  const small = await api.load(limited(wasm, 1024));
   assert.throws(() => small.bake({ ...card(), texture: { width: 1, height: 1, alpha: new Uint8Array(1 << 27) } }), outOfMemory);
   let endless;
   try {
