@@ -7,6 +7,8 @@
 #include <limits>
 #include <string>
 
+#include "core/portable_math.h"
+
 namespace vellum
 {
 namespace
@@ -162,7 +164,12 @@ AlphaTexture readAlpha(const AlphaPixels &pixels)
     return texture;
 }
 
-std::vector<TriangleUvs> readUvs(const UvVertices &vertices)
+float UvTerms::value() const
+{
+    return largest_ > 0 ? std::ldexp(1.0f, std::clamp(ceilLog2(largest_), -100, 100)) : 0;
+}
+
+std::vector<TriangleUvs> readUvs(const UvVertices &vertices, double *uvTerms)
 {
     const size_t component = componentSize(vertices.format);
     const size_t stride = vertices.stride != 0 ? vertices.stride : 2 * component;
@@ -170,6 +177,8 @@ std::vector<TriangleUvs> readUvs(const UvVertices &vertices)
     const size_t size = indexSize(vertices.indexFormat);
     const size_t count = size != 0 ? vertices.indices.size() / size : vertexCount;
     const auto &m = vertices.transform;
+    const bool identity = m == UvVertices().transform;
+    UvTerms terms;
     std::vector<TriangleUvs> triangles(count / 3);
     for (size_t i = 0; i < triangles.size() * 3; ++i) {
         const size_t index = indexAt(vertices, i);
@@ -180,7 +189,12 @@ std::vector<TriangleUvs> readUvs(const UvVertices &vertices)
         const float u = coordinateAt(from, vertices.format);
         const float v = coordinateAt(from + component, vertices.format);
         triangles[i / 3][i % 3] = {m[0] * u + m[1] * v + m[2], m[3] * u + m[4] * v + m[5]};
+        for (const size_t row : {0u, 3u})
+            if (!identity)
+                terms.add(m[row] * u, m[row + 1] * v, m[row + 2]);
     }
+    if (uvTerms != nullptr)
+        *uvTerms = terms.value();
     return triangles;
 }
 

@@ -2,7 +2,9 @@
 // The baker's inputs out of the forms that they have elsewhere: pixels of several formats, and vertices with indices.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -49,8 +51,27 @@ struct UvVertices {
     std::array<float, 6> transform = {1, 0, 0, 0, 1, 0};
 };
 
-// The triangles; what is left over of indices or vertices is dropped. Throws BakeError for an index without a vertex.
-std::vector<TriangleUvs> readUvs(const UvVertices &vertices);
+// Finds BakeInput::uvTerms of a transform that a shader computes.
+class UvTerms
+{
+public:
+    // The terms of one coordinate.
+    void add(double a, double b, double c)
+    {
+        const double sum = std::abs(a) + std::abs(b) + std::abs(c);
+        if (std::isfinite(sum))
+            largest_ = std::max(largest_, sum);
+    }
+    // A power of two.
+    [[nodiscard]] float value() const;
+
+private:
+    double largest_ = 0;
+};
+
+// The triangles; what is left over of indices or vertices is dropped. uvTerms: gets BakeInput::uvTerms, 0 without a
+// transform. Throws BakeError for an index without a vertex.
+std::vector<TriangleUvs> readUvs(const UvVertices &vertices, double *uvTerms = nullptr);
 
 // IEEE 754 half precision, exactly.
 float halfToFloat(uint16_t bits);

@@ -155,8 +155,8 @@ std::vector<LevelChoice> levelsForKnown(DistinctTriangles &distinct, const BakeO
         progress.done(triangle.uses);
     });
     const double most = knownWeight(choices);
-    // Sums of weights are rounded.
-    if (most < *options.leastKnown * (1 - 1e-12))
+    // Sums of weights are rounded, once for each.
+    if (most < *options.leastKnown * (1 - 1e-15 * static_cast<double>(choices.size() + 1000)))
         throw BakeTooLittleKnown(most);
     lowerLevelsWhileKnown(choices, std::min(*options.leastKnown, most));
     return choices;

@@ -7,7 +7,7 @@
 #include <numeric>
 #include <optional>
 
-#include "core/portable_math.h"
+#include "bake/inputs.h"
 #include "gltf/data/accessor.h"
 #include "gltf/data/draco_mesh.h"
 
@@ -210,7 +210,7 @@ void PrimitiveReader::readUvs(const Material &material)
     const std::array<double, 6> &m = material.uvTransform;
     const bool identity = m == std::array<double, 6>{1, 0, 0, 0, 1, 0};
     primitive_.uvs.reserve(vertices_);
-    double terms = 0;
+    UvTerms terms;
     for (size_t i = 0; i < vertices_; ++i) {
         const float u = uvs[2 * i];
         const float v = uvs[2 * i + 1];
@@ -219,14 +219,11 @@ void PrimitiveReader::readUvs(const Material &material)
         else
             primitive_.uvs.push_back(
                 {static_cast<float>(m[0] * u + m[1] * v + m[2]), static_cast<float>(m[3] * u + m[4] * v + m[5])});
-        for (const size_t row : {0u, 3u}) {
-            const double sum = std::abs(m[row] * u) + std::abs(m[row + 1] * v) + std::abs(m[row + 2]);
-            if (!identity && std::isfinite(sum))
-                terms = std::max(terms, sum);
-        }
+        for (const size_t row : {0u, 3u})
+            if (!identity)
+                terms.add(m[row] * u, m[row + 1] * v, m[row + 2]);
     }
-    if (terms > 0)
-        primitive_.uvTerms = std::ldexp(1.0f, std::clamp(ceilLog2(terms), -100, 100));
+    primitive_.uvTerms = terms.value();
     primitive_.morphed |= morphs(name);
 }
 

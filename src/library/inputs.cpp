@@ -123,7 +123,7 @@ AlphaTexture readTexture(const VellumTexture &given)
     return texture;
 }
 
-std::vector<TriangleUvs> readTriangles(const VellumBakeInput &given)
+std::vector<TriangleUvs> readTriangles(const VellumBakeInput &given, double &uvTerms)
 {
     UvVertices vertices;
     vertices.format = uvFormat(given.uvFormat);
@@ -151,7 +151,7 @@ std::vector<TriangleUvs> readTriangles(const VellumBakeInput &given)
         vertices.indices = indices.first(corners * indexSize);
     }
     std::copy_n(given.uvTransform, vertices.transform.size(), vertices.transform.begin());
-    return readUvs(vertices);
+    return readUvs(vertices, &uvTerms);
 }
 
 // Puts in front of a failure what it is about.
@@ -244,7 +244,7 @@ void Inputs::add(const VellumBakeInput &given)
     triangleCount_ += given.triangleCount;
     BakeInput input;
     input.cutoff = given.cutoff;
-    triangles_.push_back(readTriangles(given));
+    triangles_.push_back(readTriangles(given, input.uvTerms));
     if (given.levels != nullptr) {
         input.levels = {given.levels, given.triangleCount};
         for (size_t t = 0; t < given.triangleCount; ++t)

@@ -278,12 +278,34 @@ TEST(BakeCommand, TakesTheFilesOfAGltfAlong)
     EXPECT_EQ(bakedPrimitives(folder / "out/tree.gltf"), 1u);
     EXPECT_EQ(runVellum(bake).exitCode, 0); // again
     EXPECT_EQ(entries(folder / "out"), out);
-    // An existing file with other content is not replaced.
+    // A copy beside an earlier output is replaced.
+    writeFile(folder / "out/data.bin", {'x'});
+    EXPECT_EQ(runVellum(bake).exitCode, 0);
+    EXPECT_EQ(readFile(folder / "out/data.bin"), readFile(folder / "in/data.bin"));
+    // Another file is not, without --force.
+    fs::remove(folder / "out/tree.gltf");
     writeFile(folder / "out/data.bin", {'x'});
     const Outcome rejected = runVellum(bake);
     EXPECT_EQ(rejected.exitCode, 1);
     EXPECT_EQ(rejected.errorLines(), 1);
     EXPECT_EQ(readFile(folder / "out/data.bin"), Bytes{'x'});
+    std::vector<std::string> forced = bake;
+    forced.emplace_back("--force");
+    EXPECT_EQ(runVellum(forced).exitCode, 0);
+    EXPECT_EQ(readFile(folder / "out/data.bin"), readFile(folder / "in/data.bin"));
+    // Nor is the input of another file, even with it.
+    fs::create_directories(folder / "two");
+    writeCardGltf(folder / "two/other.gltf");
+    writeFile(folder / "two/data.bin", readFile(folder / "in/data.bin"));
+    fs::resize_file(folder / "two/data.bin", fs::file_size(folder / "two/data.bin") + 4);
+    const Outcome read = runVellum({"bake", (folder / "in/tree.gltf").string(), (folder / "two/other.gltf").string(),
+                                    "-o", (folder / "two").string(), "--force"});
+    EXPECT_EQ(read.exitCode, 1);
+    EXPECT_NE(read.errors.find("is read for"), std::string::npos) << read.errors;
+    EXPECT_NE(readFile(folder / "two/data.bin"), readFile(folder / "in/data.bin"));
+    EXPECT_EQ(runVellum({"bake", (folder / "in/tree.gltf").string(), (folder / "two/other.gltf").string(), "-o", "-"})
+                  .exitCode,
+              2);
     // Nothing is written outside the output folder.
     json.replace(json.find("\"data.bin\""), 10, "\"../data.bin\"");
     writeFile(folder / "data.bin", readFile(folder / "in/data.bin"));

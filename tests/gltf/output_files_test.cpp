@@ -134,6 +134,10 @@ TEST(OutputFiles, CopiesDoNotReplaceDifferentFiles)
     files.publish();
     EXPECT_EQ(textOf(folder / "copy"), "s");
     EXPECT_EQ(textOf(folder / "different"), "d");
+    OutputFiles replacing(kNever);
+    replacing.copy(folder / "source", folder / "different", folder.path(), true);
+    replacing.publish();
+    EXPECT_EQ(textOf(folder / "different"), "s");
 }
 
 TEST(OutputFiles, ContentNamedFilesAreNeverReplaced)

@@ -320,6 +320,32 @@ TEST(LibraryBake, ReadsEveryFormOfCoordinates)
     EXPECT_EQ(other.bytes(), expected);
 }
 
+// A shader computes u - 1000 of coordinates near 1000 with an error of 2^-14, which is a quarter of these texels.
+TEST(LibraryBake, MarginsFollowTheTermsOfATransform)
+{
+    std::vector<uint8_t> texels(4096);
+    std::fill(texels.begin() + 2048, texels.end(), uint8_t{255});
+    const std::vector<float> uvs = {1000.4999f, 0.2f, 1000.5001f, 0.2f, 1000.4999f, 0.8f};
+    Sample sample;
+    sample.texture.width = 4096;
+    sample.texture.height = 1;
+    sample.texture.texels = texels.data();
+    sample.texture.texelsSize = texels.size();
+    sample.texture.pixelStride = 0;
+    sample.texture.offset = 0;
+    sample.texture.filter = VELLUM_FILTER_NEAREST;
+    sample.input.indexType = VELLUM_INDEX_TYPE_NONE;
+    sample.input.uvs = uvs.data();
+    sample.input.uvsSize = uvs.size() * sizeof(float);
+    sample.input.triangleCount = 1;
+    const float transform[6] = {1, 0, -1000, 0, 1, 0};
+    std::copy_n(transform, 6, sample.input.uvTransform);
+    sample.options.level = 6;
+    ASSERT_EQ(sample.bake(), VELLUM_SUCCESS) << sample.message;
+    const VellumMicromapInfo info = sample.info();
+    EXPECT_EQ(info.stateCounts[0] + info.stateCounts[1], 0u);
+}
+
 TEST(LibraryBake, SeveralInputs)
 {
     Sample sample;

@@ -167,6 +167,9 @@ std::string Conflicts::problemOf(size_t number)
     std::map<fs::path, Write, LocationOrder> writes = {{locationOf(job.output), {job.input, {}}}};
     for (const FilesBeside::Copy &copy : beside_[number].copies)
         writes.try_emplace(locationOf(copy.to), Write{job.input, copy.from});
+    for (const FilesBeside::Copy &copy : beside_[number].copies)
+        if (const auto reader = reads_.find(locationOf(copy.to)); reader != reads_.end() && !sameBytes(copy.from, copy.to))
+            return "the copy " + utf8Text(copy.to) + " is read for " + utf8Text(reader->second);
     for (const auto &[location, write] : writes) {
         const auto other = writes_.find(location);
         if (other != writes_.end() &&
@@ -246,6 +249,8 @@ BakePlan planBake(const BakeCommandOptions &options)
     const bool several = options.inputs.size() > 1 || anyFolder || options.files;
     if (options.shard && !several)
         throw UsageError("--shard divides several files; one input cannot be divided");
+    if (several && options.output && isStandardStream(*options.output))
+        throw UsageError("several inputs need an output folder, not stdout");
     if (several && !options.output && !options.files)
         throw UsageError("several inputs need an output folder: -o FOLDER");
     const bool toFolder =

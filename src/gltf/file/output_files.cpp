@@ -131,7 +131,7 @@ void OutputFiles::write(const std::filesystem::path &path, const FileContent &co
 }
 
 void OutputFiles::copy(const std::filesystem::path &from, const std::filesystem::path &to,
-                       const std::filesystem::path &model)
+                       const std::filesystem::path &model, bool replace)
 {
     const auto reading = [&](auto &&read) {
         try {
@@ -147,11 +147,13 @@ void OutputFiles::copy(const std::filesystem::path &from, const std::filesystem:
     });
     std::error_code error;
     if (std::filesystem::exists(to, error)) {
-        if (!sameBytes(from, to))
-            throw GltfError(utf8Text(to) + ": is there already and differs from " + utf8Text(from));
-        return;
+        if (sameBytes(from, to))
+            return;
+        if (!replace)
+            throw GltfError(utf8Text(to) + ": is there already and differs from " + utf8Text(from) +
+                            "; --force replaces it");
     }
-    NewFile &file = open(to, Existing::Keep);
+    NewFile &file = open(to, replace ? Existing::Replace : Existing::Keep);
     std::vector<uint8_t> bytes(size_t{1} << 20);
     while (const size_t count = reading([&] { return source->read(bytes); }))
         put(file, std::span(bytes).first(count));

@@ -50,10 +50,11 @@ public:
     // same bytes. GltfError otherwise.
     void writeOnce(const std::filesystem::path &path, const FileContent &content);
     // Copies a file that `model` names. Throws GltfError if a link leads out of its folder (InputFile::requireBeside),
-    // or if a file at `to` has other bytes.
-    void copy(const std::filesystem::path &from, const std::filesystem::path &to, const std::filesystem::path &model);
+    // or if a file at `to` has other bytes and must not be replaced.
+    void copy(const std::filesystem::path &from, const std::filesystem::path &to, const std::filesystem::path &model,
+              bool replace = false);
     // Lets the files appear, in the order in which they were written. Where that fails those that are new are removed
-    // again. What was replaced does not come back: write() at most one file, as the last one.
+    // again. What was replaced does not come back, so the file that names the others is the last one.
     void publish();
 
 private:

@@ -386,6 +386,11 @@ double DocumentBaker::surfaceOfSources() const
     return surface;
 }
 
+bool anyReadable(std::span<const Source> sources)
+{
+    return std::any_of(sources.begin(), sources.end(), [](const Source &source) { return !source.unreadable; });
+}
+
 // What has to be known of the triangles that are baked, in the unit of their weights.
 double DocumentBaker::leastKnown() const
 {
@@ -394,7 +399,7 @@ double DocumentBaker::leastKnown() const
         return std::any_of(source.layers.begin(), source.layers.end(),
                            [](const auto &layer) { return !layer.second.weights.empty(); });
     });
-    if (!weighed && wanted > 0)
+    if (wanted > 0 && !(weighed && anyReadable(sources_)))
         rejectTarget(0);
     return wanted / weighed_;
 }
@@ -471,18 +476,13 @@ uint64_t bytesWithoutTriangles(std::span<const Source> sources)
     return kEmptyBytes * static_cast<uint64_t>(count);
 }
 
-bool anyReadable(std::span<const Source> sources)
-{
-    return std::any_of(sources.begin(), sources.end(), [](const Source &source) { return !source.unreadable; });
-}
-
 BakeOptions DocumentBaker::optionsFor(std::span<const Source> sources) const
 {
     BakeOptions options = options_.bake;
     options.emptyGroupBytes = kEmptyBytes;
     if (options.budget)
         *options.budget -= std::min(*options.budget, bytesWithoutTriangles(sources));
-    if (options_.targetKnown && anyReadable(sources))
+    if (options_.targetKnown)
         options.leastKnown = leastKnown();
     return options;
 }

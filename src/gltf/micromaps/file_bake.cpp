@@ -45,13 +45,13 @@ void checkPaths(const Document &document, const std::filesystem::path &output)
 std::vector<std::pair<std::filesystem::path, uint64_t>> writeFiles(const Document &document,
                                                                    const std::filesystem::path &output,
                                                                    const RewrittenFile &rewritten,
-                                                                   const std::function<bool()> &cancelled)
+                                                                   const FileBakeOptions &options)
 {
     const FilesBeside beside = filesBeside(document.root(), document.path(), output);
     std::vector<std::pair<std::filesystem::path, uint64_t>> written;
-    OutputFiles files(cancelled);
+    OutputFiles files(options.bake.cancelled);
     for (const FilesBeside::Copy &copy : beside.copies) {
-        files.copy(copy.from, copy.to, document.path());
+        files.copy(copy.from, copy.to, document.path(), options.replaceCopies);
         written.emplace_back(copy.to, std::filesystem::file_size(copy.from));
     }
     if (rewritten.buffer.size() != 0) {
@@ -132,7 +132,7 @@ FileBake bakeFile(const Document &document, const std::filesystem::path &output,
         if (options.sink)
             options.sink(rewritten.file);
         else
-            result.files = writeFiles(document, output, rewritten, options.bake.cancelled);
+            result.files = writeFiles(document, output, rewritten, options);
         return result;
     });
 }

@@ -23,6 +23,8 @@ struct FileBakeOptions : DocumentBakeOptions {
     bool requireMicromaps = false;
     // Writes nothing where the output would equal the input, unless there is an earlier output.
     bool skipUnchanged = false;
+    // Replaces files in the output's folder that have the names of copies and other bytes.
+    bool replaceCopies = false;
     // Marks outputs without micromaps as well, so that a later bake knows them as outputs (isOwnFile()).
     bool mark = false;
     // Does everything but write.

@@ -33,6 +33,11 @@ constexpr ConflictingExtension kConflicting[] = {
     // injected dispatches push constants.
     {"VK_EXT_descriptor_heap", "injected commands would invalidate the heaps that are bound",
      static_cast<VkStructureType>(1000135009), 2, Translated::NotBesideWork},
+    // Injected dispatches bind pipelines and push constants, and only what this command buffer has bound is restored.
+    {"VK_NV_command_buffer_inheritance", "injected commands would change the state that is inherited",
+     static_cast<VkStructureType>(1000559000), 1, Translated::NotBesideWork},
+    {"VK_NV_push_constant_bank", "injected commands would change the constants of other banks",
+     static_cast<VkStructureType>(1000580001), 1, Translated::NotBesideWork},
     {"VK_AMDX_shader_enqueue", "the layer does not rewrite the shaders of its pipelines",
      static_cast<VkStructureType>(1000134000), 2, Translated::NotBesideKhr},
 };

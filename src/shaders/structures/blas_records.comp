@@ -44,18 +44,16 @@ uvec2 recordOf(uint triangle, uint micromapTriangles)
     return uvec2(record.w[0], record.w[1]);
 }
 
-// Address of the tail. An update keeps the layout of its source, which may be compacted, so the offset of the tail is the
-// same. Another invocation may write the descriptor that is read here; the compared values are the same before and after.
+// Address of the tail. An update keeps the layout of its source, which may be compacted or built for other maximum counts,
+// so the offset of the tail is the same wherever it fits: before it, the tail would be in the driver's part. Another
+// invocation may write the descriptor that is read here; the compared values are the same before and after.
 uvec2 tailAddress()
 {
     if (all(equal(push.source, uvec2(0))))
         return push.tail;
     const Descriptor source = loadDescriptor(push.source);
     const uint at = unitsBetween(push.sourceBegin, source.tail);
-    return source.kind == kDescriptorBottom && source.count == push.geometryCount && source.recordUnits == push.tailUnits &&
-                   fits(at, push.tailUnits, push.commonUnits)
-               ? unitAddress(push.begin, at)
-               : push.tail;
+    return source.kind == kDescriptorBottom && fits(at, push.tailUnits, push.commonUnits) ? unitAddress(push.begin, at) : push.tail;
 }
 
 void main()

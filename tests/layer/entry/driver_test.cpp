@@ -343,6 +343,8 @@ constexpr Conflicting kConflicting[]{
     {"VK_NV_partitioned_acceleration_structure", 1000570000, false},
     {"VK_AMDX_dense_geometry_format", 1000478000, true},
     {"VK_EXT_descriptor_heap", 1000135009, true},
+    {"VK_NV_command_buffer_inheritance", 1000559000, true},
+    {"VK_NV_push_constant_bank", 1000580001, true},
 };
 // Large enough for each of them.
 struct ConflictingFeatures {
