@@ -445,7 +445,7 @@ TEST_F(GltfReport, MicromapsThatLostTheirData)
     EXPECT_TRUE(has(inspect.errors, words) && has(inspect.errors, "vellum bake")) << inspect.errors;
     EXPECT_EQ(inspect.errorLines(), 1);
     const Outcome render = run({"render", in("lost.glb"), "-o", in("a.png")}, 1);
-    EXPECT_TRUE(has(render.errors, words) && has(render.errors, "vellum bake")) << render.errors;
+    EXPECT_TRUE(has(render.errors, words) && has(render.errors, "another bake repairs the file")) << render.errors;
     EXPECT_EQ(render.errorLines(), 1);
     const Outcome repaired = run({"bake", in("lost.glb"), "-o", in("repaired.glb")});
     EXPECT_TRUE(has(repaired.output, words)) << repaired.output;
