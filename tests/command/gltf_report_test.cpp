@@ -437,12 +437,13 @@ TEST_F(GltfReport, MicromapsThatLostTheirData)
     const std::string words = "lost their data";
     const Outcome verify = run({"verify", in("lost.glb")}, 3);
     EXPECT_EQ(occurrences(verify.output, "structure: "), 1u) << verify.output;
-    EXPECT_TRUE(has(verify.output, words) && has(verify.output, "vellum bake")) << verify.output;
+    EXPECT_TRUE(has(verify.output, words) && has(verify.output, "another bake repairs the file")) << verify.output;
     const Outcome info = run({"info", in("lost.glb")}, 3);
-    EXPECT_TRUE(has(lineOf(info, "invalid"), words) && has(lineOf(info, "invalid"), "vellum bake")) << info.output;
+    EXPECT_TRUE(has(lineOf(info, "invalid"), words) && has(lineOf(info, "invalid"), "another bake repairs the file"))
+        << info.output;
     EXPECT_EQ(occurrences(info.output, "\ninvalid"), 1u) << info.output;
     const Outcome inspect = run({"inspect", in("lost.glb"), "-o", in("a.html")}, 1);
-    EXPECT_TRUE(has(inspect.errors, words) && has(inspect.errors, "vellum bake")) << inspect.errors;
+    EXPECT_TRUE(has(inspect.errors, words) && has(inspect.errors, "another bake repairs the file")) << inspect.errors;
     EXPECT_EQ(inspect.errorLines(), 1);
     const Outcome render = run({"render", in("lost.glb"), "-o", in("a.png")}, 1);
     EXPECT_TRUE(has(render.errors, words) && has(render.errors, "another bake repairs the file")) << render.errors;
