@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gpu/bindings.h"
 
+#include <algorithm>
+
 namespace vellum::gpu
 {
 
@@ -9,11 +11,12 @@ void recordBindings(const Device &gpu, VkCommandBuffer commands, const Bindings 
     const auto size = static_cast<uint32_t>(bindings.constants.size());
     if (!maintenance6) {
         vkCmdBindDescriptorSets(commands, bindings.point, bindings.layout, 0, 1, &bindings.set, 0, nullptr);
-        // In two parts, of which neither may replace the other.
+        // All of them, and then the first half, which replaces only that.
         const uint32_t first = size / 8 * 4;
+        std::vector<std::byte> all(bindings.constants.begin(), bindings.constants.end());
+        std::fill_n(all.begin(), first, std::byte{0x5a});
+        vkCmdPushConstants(commands, bindings.layout, bindings.stages, 0, size, all.data());
         vkCmdPushConstants(commands, bindings.layout, bindings.stages, 0, first, bindings.constants.data());
-        vkCmdPushConstants(commands, bindings.layout, bindings.stages, first, size - first,
-                           bindings.constants.subspan(first).data());
         return;
     }
     const auto sets = vkInit<VkBindDescriptorSetsInfoKHR>({.stageFlags = bindings.stages,

@@ -393,6 +393,7 @@ void Device::createDevice()
     micromapHostCommands_ = micromaps.micromapHostCommands != VK_FALSE;
     variableTextureIndices_ = vulkan12.shaderSampledImageArrayNonUniformIndexing != VK_FALSE;
     hostQueryReset_ = vulkan12.hostQueryReset != VK_FALSE;
+    synchronization2_ = vulkan13.synchronization2 != VK_FALSE;
     indirectTraces_ = {pipelines.rayTracingPipelineTraceRaysIndirect != VK_FALSE,
                        maintenance.rayTracingPipelineTraceRaysIndirect2 != VK_FALSE};
     primitiveCulling_ = pipelines.rayTraversalPrimitiveCulling != VK_FALSE;

@@ -70,8 +70,11 @@ StructureBuild::StructureBuild(const VkMicromapBuildInfoEXT &ext, VkAcceleration
         const VkMicromapUsageEXT &usage = ext.pUsageCounts != nullptr ? ext.pUsageCounts[i] : *ext.ppUsageCounts[i];
         usages.push_back({usage.count, usage.subdivisionLevel, static_cast<VkOpacityMicromapFormatKHR>(usage.format)});
     }
-    for (const VkMicromapUsageKHR &usage : usages)
-        usagePointers.push_back(&usage);
+    if (ext.ppUsageCounts != nullptr)
+        usages = scattered(usages, usagePointers);
+    else
+        for (const VkMicromapUsageKHR &usage : usages)
+            usagePointers.push_back(&usage);
     data = vkInit<VkAccelerationStructureGeometryMicromapDataKHR>(
         {.usageCountsCount = ext.usageCountsCount,
          .pUsageCounts = ext.pUsageCounts != nullptr ? usages.data() : nullptr,

@@ -47,6 +47,22 @@ createMicromap(const Device &gpu, VkBuffer buffer, VkDeviceAddress address, VkDe
                VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
 void destroyMicromap(const Device &gpu, MicromapHandle micromap);
 
+// Usage counts in memory that pointers to them lead through backwards, with others between, which must not be read.
+template <class Usage>
+std::vector<Usage> scattered(const std::vector<Usage> &usages, std::vector<const Usage *> &pointers)
+{
+    std::vector<Usage> memory;
+    for (size_t i = usages.size(); i-- > 0;) {
+        memory.push_back(usages[i]);
+        memory.push_back(usages[i]);
+        ++memory.back().count;
+    }
+    pointers.clear();
+    for (size_t i = usages.size(); i-- > 0;)
+        pointers.push_back(&memory[2 * i]);
+    return memory;
+}
+
 // A build as VK_KHR_opacity_micromap puts it; where usage counts come by pointers, so does the geometry. Points into
 // itself.
 struct StructureBuild {

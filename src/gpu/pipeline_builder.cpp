@@ -310,7 +310,22 @@ void BindingTable::trace(VkCommandBuffer commands) const
         const VkBufferCopy all{from, to, buffer_.size() - alignment_};
         barrier(commands);
         vkCmdCopyBuffer(commands, buffer_.handle(), place_->handle(), 1, &all);
-        barrier(commands);
+        // Of this buffer alone, where that can be said.
+        const auto written =
+            vkInit<VkBufferMemoryBarrier2>({.srcStageMask = VK_PIPELINE_STAGE_2_TRANSFER_BIT,
+                                            .srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT,
+                                            .dstStageMask = VK_PIPELINE_STAGE_2_RAY_TRACING_SHADER_BIT_KHR,
+                                            .dstAccessMask = VK_ACCESS_2_SHADER_READ_BIT,
+                                            .srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
+                                            .dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
+                                            .buffer = place_->handle(),
+                                            .size = VK_WHOLE_SIZE});
+        const auto dependency =
+            vkInit<VkDependencyInfo>({.bufferMemoryBarrierCount = 1, .pBufferMemoryBarriers = &written});
+        if (gpu_.hasSynchronization2())
+            vkCmdPipelineBarrier2(commands, &dependency);
+        else
+            barrier(commands);
     }
     const Regions r = regions();
     const VkDeviceAddress command = command_.address() + VkDeviceAddress{4} * launch_.offset;

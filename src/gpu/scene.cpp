@@ -196,11 +196,10 @@ void Micromap::describe()
                                             .usageCountsCount = static_cast<uint32_t>(usage_.size()),
                                             .pUsageCounts = input_.usagePointers ? nullptr : usage_.data(),
                                             .triangleArrayStride = input_.stride});
-    usagePointers_.clear();
-    for (const VkMicromapUsageEXT &usage : usage_)
-        usagePointers_.push_back(&usage);
-    if (input_.usagePointers)
+    if (input_.usagePointers) {
+        scattered_ = scattered(usage_, usagePointers_);
         info_.ppUsageCounts = usagePointers_.data();
+    }
 }
 
 void Micromap::upload(SharedScratch *scratch, VkDeviceSize scratchSize)
@@ -512,8 +511,8 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
                 out.micromap = attachment.micromap->handle().ext;
             }
             out.usageCountsCount = static_cast<uint32_t>(usages_[i].size());
-            for (const VkMicromapUsageEXT &usage : usages_[i])
-                usagePointers_[i].push_back(&usage);
+            if (attachment.usagePointers)
+                usages_[i] = scattered(usages_[i], usagePointers_[i]);
             out.pUsageCounts = attachment.usagePointers ? nullptr : usages_[i].data();
             out.ppUsageCounts = attachment.usagePointers ? usagePointers_[i].data() : nullptr;
             geometry.geometry.triangles.pNext = &out;

@@ -100,7 +100,8 @@ private:
     MicromapInput input_;
     VkBuildMicromapFlagsEXT flags_ = 0;
     std::vector<VkMicromapUsageEXT> usage_;
-    std::vector<const VkMicromapUsageEXT *> usagePointers_;
+    std::vector<VkMicromapUsageEXT> scattered_;
+    std::vector<const VkMicromapUsageEXT *> usagePointers_; // into it
     Guarded data_, triangles_, storage_;
     std::shared_ptr<Guarded> scratch_;
     VkMicromapBuildInfoEXT info_{};

@@ -265,7 +265,8 @@ private:
         if (case_.build.single)
             line("     All builds and the rays are in one command buffer.");
         if (case_.build.conditional)
-            line("     Builds, copies and queries are within conditional rendering whose predicate is false{}.",
+            line("     Builds, copies and queries are within conditional rendering whose predicate is {}{}.",
+                 case_.build.inverted ? "true and inverted" : "false",
                  case_.build.single ? "" : ", and so is a dispatch after each build and copy");
         if (case_.build.unrelated)
             line("     Commands that build several objects build an unrelated top level first; that which builds the "

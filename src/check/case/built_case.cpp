@@ -116,8 +116,11 @@ void BuiltCase::recordUnder(VkCommandBuffer commands, const Record &record) cons
 {
     if (!case_.build.conditional)
         return record(commands);
-    const auto begin =
-        vkInit<VkConditionalRenderingBeginInfoEXT>({.buffer = predicate_.handle(), .offset = sizeof(uint32_t)});
+    const bool inverted = case_.build.inverted; // the true one discards
+    const auto begin = vkInit<VkConditionalRenderingBeginInfoEXT>(
+        {.buffer = predicate_.handle(),
+         .offset = inverted ? 0 : sizeof(uint32_t),
+         .flags = inverted ? VkConditionalRenderingFlagsEXT{VK_CONDITIONAL_RENDERING_INVERTED_BIT_EXT} : 0u});
     gpu_.vk().CmdBeginConditionalRenderingEXT(commands, &begin);
     record(commands);
     gpu_.vk().CmdEndConditionalRenderingEXT(commands);

@@ -36,6 +36,7 @@ struct BuildPlan {
     // Builds, copies and queries are recorded within conditional rendering whose predicate is false. It does not affect
     // these commands, but discards a dispatch that follows each build and copy, except before rays.
     bool conditional = false;
+    bool inverted = false; // it is inverted, and the predicate is true
     // Indirect builds allow that many triangles and instances more than they build: ppMaxPrimitiveCounts.
     uint32_t spareTriangles = 0;
     uint32_t spareInstances = 0;

@@ -136,6 +136,7 @@ void ofBuild(Archive &archive, T &build)
     archive.value("geometryPointers", build.geometryPointers, standard.geometryPointers);
     archive.value("single", build.single, standard.single);
     archive.value("conditional", build.conditional, standard.conditional);
+    archive.value("inverted", build.inverted, standard.inverted);
     archive.value("spareTriangles", build.spareTriangles, standard.spareTriangles);
     archive.value("spareInstances", build.spareInstances, standard.spareInstances);
     archive.value("skippedInstances", build.skippedInstances, standard.skippedInstances);

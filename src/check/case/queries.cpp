@@ -39,7 +39,9 @@ std::string advance(QueryStates &states, const QueryCommand &command)
         return fmt::format("uses queries {} to {} of a pool of {}", command.first,
                            uint64_t{command.first} + command.count - 1, states.size());
     const auto queries = std::span(states).subspan(command.first, command.count);
-    const auto all = [&](Is is) { return std::ranges::all_of(queries, [is](const auto &query) { return query.is == is; }); };
+    const auto all = [&](Is is) {
+        return std::ranges::all_of(queries, [is](const auto &query) { return query.is == is; });
+    };
     switch (command.kind) {
     case QueryKind::Write:
         // VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02494,
@@ -57,9 +59,7 @@ std::string advance(QueryStates &states, const QueryCommand &command)
     case QueryKind::Copy:
         // VUID-vkCmdCopyQueryPoolResults-None-08752, VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-None-13084
         return all(Is::Available) ? "" : "copies queries that are not available";
-    default:
-        std::ranges::fill(queries, QueryState{.is = Is::Unavailable});
-        return {};
+    default: std::ranges::fill(queries, QueryState{.is = Is::Unavailable}); return {};
     }
 }
 

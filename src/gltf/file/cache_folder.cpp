@@ -27,6 +27,17 @@ constexpr uint64_t kUnchecked = 16;
 // After which a file with a temporary name is one that a killed process left.
 constexpr std::chrono::hours kLongestWrite{1};
 
+// Windows does not remove a file that somebody reads; the next who needs the room does.
+bool isInUse([[maybe_unused]] const std::error_code &error)
+{
+#ifdef _WIN32
+    constexpr int kSharingViolation = 32;
+    return error.category() == std::system_category() && error.value() == kSharingViolation;
+#else
+    return false;
+#endif
+}
+
 uint64_t onDisk(uint64_t bytes)
 {
     return (bytes + kBlock - 1) / kBlock * kBlock;
@@ -160,10 +171,11 @@ void CacheFolder::removeOldest(size_t number)
     std::sort(files.begin(), files.end(), [](const File &a, const File &b) { return a.used < b.used; });
     for (size_t i = 0; i < files.size() && all > part_ - part_ / kFreed; ++i) {
         fs::remove(files[i].path, error);
-        if (error)
-            note(utf8Text(files[i].path) + " cannot be removed: " + error.message());
-        else
+        std::error_code gone; // Windows says so as an error
+        if (!error || !fs::exists(files[i].path, gone))
             all -= files[i].bytes;
+        else if (!isInUse(error))
+            note(utf8Text(files[i].path) + " cannot be removed: " + error.message());
     }
 }
 
