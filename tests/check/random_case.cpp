@@ -42,6 +42,7 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .geometryPointers = yes(),
                .single = c.steps.empty() && yes(),
                .conditional = yes(),
+               .inverted = yes(),
                .spareTriangles = below(random, 3),
                .spareInstances = below(random, 3),
                .skippedInstances = below(random, 3)};
