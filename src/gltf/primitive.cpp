@@ -145,8 +145,12 @@ std::vector<float> PrimitiveReader::alphasOf(const std::string &name) const
 
 std::vector<uint32_t> PrimitiveReader::readCorners() const
 {
-    if (draco_)
+    if (draco_) {
+        if (source_.indices != -1)
+            static_cast<void>(
+                accessorCount(document_.model(), source_.indices, named("indices"))); // checks that it exists
         return draco_->indices();
+    }
     if (source_.indices != -1)
         return vellum::readIndices(views_, source_.indices, named("indices"));
     std::vector<uint32_t> corners(vertices_);

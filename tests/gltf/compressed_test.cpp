@@ -137,6 +137,14 @@ TEST(GltfCompressed, DamagedDraco)
               "mesh 0 primitive 0 TEXCOORD_0: Draco's attribute 9 does not exist");
     EXPECT_EQ(errorOf(dracoJson(encoded.size(), R"({"POSITION": 1, "TEXCOORD_0": 1})"), encoded),
               "mesh 0 primitive 0 POSITION: Draco's attribute 1 has the wrong type");
+    for (const bool required : {false, true}) {
+        std::string masked = json;
+        masked.replace(masked.find("\"indices\": 2"), 12, "\"indices\": 2000000000");
+        masked.replace(masked.find("{\"pbr"), 1, "{\"alphaMode\": \"MASK\", ");
+        if (required)
+            masked.replace(1, 0, "\"extensionsRequired\": [\"KHR_draco_mesh_compression\"], ");
+        EXPECT_EQ(errorOf(masked, encoded), "mesh 0 primitive 0 indices: accessor 2000000000 does not exist");
+    }
     Bytes changed = encoded;
     changed[6] = 1;
     EXPECT_EQ(errorOf(json, changed), "unsupported: mesh 0 primitive 0: Draco's version 2.1 is not 2.2");
