@@ -185,6 +185,9 @@ void PrimitiveReader::readPositions()
     if (attribute("POSITION") < 0)
         throw GltfUnsupported(what_ + " has no positions");
     const std::vector<float> values = floatsOf("POSITION", 3);
+    if (values.size() != 3 * vertices_)
+        throw GltfError(what_ + " has " + std::to_string(values.size() / 3) + " positions for " +
+                        std::to_string(vertices_) + " vertices");
     primitive_.positions.reserve(vertices_);
     for (size_t i = 0; i + 2 < values.size(); i += 3)
         primitive_.positions.push_back({values[i], values[i + 1], values[i + 2]});

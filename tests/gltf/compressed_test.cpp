@@ -145,6 +145,10 @@ TEST(GltfCompressed, DamagedDraco)
             masked.replace(1, 0, "\"extensionsRequired\": [\"KHR_draco_mesh_compression\"], ");
         EXPECT_EQ(errorOf(masked, encoded), "mesh 0 primitive 0 indices: accessor 2000000000 does not exist");
     }
+    // Positions that are not compressed, of one vertex.
+    std::string few = dracoJson(encoded.size(), R"({"TEXCOORD_0": 1})");
+    few.replace(few.find("\"count\": 6"), 10, "\"count\": 1");
+    EXPECT_EQ(errorOf(few, encoded), "mesh 0 primitive 0 has 1 positions for 4 vertices");
     Bytes changed = encoded;
     changed[6] = 1;
     EXPECT_EQ(errorOf(json, changed), "unsupported: mesh 0 primitive 0: Draco's version 2.1 is not 2.2");
