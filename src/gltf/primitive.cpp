@@ -267,18 +267,23 @@ bool PrimitiveReader::differsFromFallback(const Material &material) const
     const std::vector<uint32_t> others = vellum::readIndices(views_, source_.indices, named("indices"));
     if (corners.size() != others.size())
         return true;
-    if (uvAccessor < 0)
-        return corners != others;
-    const std::vector<float> uvs = floatsOf(uvName, 2);
-    const std::vector<float> otherUvs = readFloats(views_, uvAccessor, 2, named(uvName));
-    for (size_t i = 0; i < corners.size(); ++i) {
-        const size_t here = 2 * size_t{corners[i]};
-        const size_t there = 2 * size_t{others[i]};
-        if (here + 1 >= uvs.size() || there + 1 >= otherUvs.size() || uvs[here] != otherUvs[there] ||
-            uvs[here + 1] != otherUvs[there + 1])
-            return true;
-    }
-    return false;
+    // Compares values of corners, of which each vertex has `components`. Without values, all are 1.
+    const auto differ = [&](const std::vector<float> &values, const std::vector<float> &otherValues,
+                            size_t components) {
+        const auto valueOf = [&](const std::vector<float> &of, size_t vertex, size_t component) {
+            const size_t i = components * vertex + component;
+            return of.empty() ? 1.0f : i < of.size() ? of[i] : std::numeric_limits<float>::quiet_NaN();
+        };
+        for (size_t i = 0; i < corners.size(); ++i)
+            for (size_t c = 0; c < components; ++c)
+                if (valueOf(values, corners[i], c) != valueOf(otherValues, others[i], c))
+                    return true;
+        return false;
+    };
+    if (uvAccessor >= 0 && differ(floatsOf(uvName, 2), readFloats(views_, uvAccessor, 2, named(uvName)), 2))
+        return true;
+    const int colors = attribute("COLOR_0");
+    return colors >= 0 && differ(primitive_.alphas, readAlphas(views_, colors, named("COLOR_0")), 1);
 }
 
 Primitive PrimitiveReader::read(Positions positions)

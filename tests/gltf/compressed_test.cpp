@@ -328,6 +328,47 @@ TEST(GltfCompressed, UncompressedDataThatDiffersIsNotBaked)
     EXPECT_EQ(leftFor(bothJson(encoded.size(), 3, false), binary), other);
 }
 
+// The alphas of vertices that Draco did not compress are those of either's indices.
+TEST(GltfCompressed, UncompressedDataWithOtherAlphasIsNotBaked)
+{
+    std::vector<std::array<float, 3>> positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {5, 0, 0}, {6, 0, 0}, {5, 1, 0}};
+    const Bytes encoded = dracoTriangles(positions, std::vector<std::array<float, 2>>(6, {0.5f, 0.5f}), true);
+    const Primitive decoded = readFirst(dracoJson(encoded.size()), encoded);
+    ASSERT_EQ(decoded.positions.size(), 6u);
+    std::vector<float> colors(24, 1.0f); // transparent in the second triangle
+    for (size_t corner = 3; corner < 6; ++corner)
+        colors[size_t{4} * decoded.indices[corner] + 3] = 0;
+    std::vector<uint32_t> turned = decoded.indices;
+    std::rotate(turned.begin(), turned.begin() + 3, turned.end());
+    const std::string other = "its uncompressed data has other triangles than its compressed data";
+    for (const bool textured : {true, false})
+        for (const bool same : {true, false}) {
+            Bytes binary = encoded;
+            binary.resize((binary.size() + 3) / 4 * 4);
+            append(binary, std::vector<float>(18, 0.0f));
+            append(binary, std::vector<float>(12, 0.5f));
+            append(binary, same ? decoded.indices : turned);
+            const size_t at = binary.size();
+            append(binary, colors);
+            std::string json = bothJson(encoded.size(), 6, false);
+            const auto replace = [&](const std::string &from, const std::string &to) {
+                json.replace(json.find(from), from.size(), to);
+            };
+            replace(textured ? R"("TEXCOORD_0": 1}, "indices")" : R"("POSITION": 0, "TEXCOORD_0": 1}, "indices")",
+                    textured ? R"("TEXCOORD_0": 1, "COLOR_0": 3}, "indices")"
+                             : R"("POSITION": 0, "COLOR_0": 3}, "indices")");
+            if (!textured)
+                replace(R"("baseColorTexture": {"index": 0})", R"("metallicFactor": 0)");
+            replace(R"("type": "SCALAR"})",
+                    R"("type": "SCALAR"}, {"bufferView": 4, "componentType": 5126, "count": 6, "type": "VEC4"})");
+            replace("], \"buffers\"",
+                    ", {\"buffer\": 0, \"byteOffset\": " + std::to_string(at) + ", \"byteLength\": 96}], \"buffers\"");
+            replace("\"byteLength\": " + std::to_string(at) + "}",
+                    "\"byteLength\": " + std::to_string(binary.size()) + "}");
+            EXPECT_EQ(leftFor(json, binary), same ? "none" : other) << textured;
+        }
+}
+
 TEST(GltfCompressed, UncompressedDataThatDiffersFromMeshoptIsNotBaked)
 {
     const std::vector<uint32_t> indices = {0, 1, 2, 3, 4, 5};
