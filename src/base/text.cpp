@@ -58,6 +58,17 @@ std::string printable(std::string text)
     return clean;
 }
 
+std::string shownName(std::string_view name)
+{
+    constexpr size_t kMostBytes = 128;
+    if (name.size() <= kMostBytes)
+        return printable(std::string(name));
+    size_t end = kMostBytes; // not inside of a character
+    while (end > kMostBytes - 4 && (static_cast<unsigned char>(name[end]) & 0xc0) == 0x80)
+        --end;
+    return printable(std::string(name.substr(0, end))) + "...";
+}
+
 namespace
 {
 

@@ -24,6 +24,9 @@ char32_t takeCodePoint(std::string_view &text);
 // lines, or control a terminal.
 std::string printable(std::string text);
 
+// A name as messages and reports show it: printable, and only the beginning of one that is longer than 128 bytes.
+std::string shownName(std::string_view name);
+
 // Returns whether the whole name matches. Both are UTF-8.
 bool matchesPattern(std::string_view name, std::string_view pattern);
 

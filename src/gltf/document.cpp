@@ -38,7 +38,7 @@ std::string Document::nameOf(PrimitivePlace place) const
 {
     std::string name = "mesh " + std::to_string(place.mesh);
     if (place.mesh < model_->meshes.size() && !model_->meshes[place.mesh].name.empty())
-        name += " \"" + printable(model_->meshes[place.mesh].name) + "\"";
+        name += " \"" + shownName(model_->meshes[place.mesh].name) + "\"";
     return name + " primitive " + std::to_string(place.primitive);
 }
 

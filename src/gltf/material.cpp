@@ -132,7 +132,7 @@ std::string nameOfImage(const Document &document, int index)
 std::string materialName(const gltf_json::Model &model, size_t material)
 {
     const std::string &name = model.materials[material].name;
-    return name.empty() ? std::to_string(material) : printable(name);
+    return name.empty() ? std::to_string(material) : name;
 }
 
 Material readMaterial(const Document &document, int index)
@@ -145,7 +145,7 @@ Material readMaterial(const Document &document, int index)
         if (static_cast<size_t>(index) >= model.materials.size())
             throw GltfError("material " + std::to_string(index) + " does not exist");
         const gltf_json::Material &source = model.materials[static_cast<size_t>(index)];
-        material.name = materialName(model, static_cast<size_t>(index));
+        material.name = shownName(materialName(model, static_cast<size_t>(index)));
         if (source.alphaMode == "MASK") {
             material.alphaMode = AlphaMode::Mask;
             material.alphaCutoff = static_cast<float>(source.alphaCutoff);

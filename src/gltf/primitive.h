@@ -23,7 +23,7 @@ using Vec3 = std::array<float, 3>;
 enum class AlphaMode : uint8_t { Opaque, Mask, Blend };
 
 struct Material {
-    std::string name; // its number where the file has none
+    std::string name; // shownName() of materialName()
     AlphaMode alphaMode = AlphaMode::Opaque;
     float alphaCutoff = 0.5f;                   // 0.5 for AlphaMode::Blend
     std::array<float, 4> baseColor{1, 1, 1, 1}; // linear factor of the texture
@@ -90,7 +90,7 @@ bool isMadeOfTriangles(const Document &document, PrimitivePlace place);
 
 // -1 gives the default material.
 Material readMaterial(const Document &document, int material);
-// Material::name of a material that exists.
+// The name of a material that exists, as it stands in the file, or its number.
 std::string materialName(const gltf_json::Model &model, size_t material);
 
 // glTF leaves it open what a primitive without positions is: it is read for its texture coordinates with Skip, and is

@@ -307,3 +307,20 @@ TEST(Gltf, NamesAreShownWithoutControlCharacters)
     EXPECT_EQ(document.nameOf({0, 0}), "mesh 0 \"a??[31m?b\xc3\xa9\" primitive 0");
     EXPECT_EQ(readMaterial(document, 0).name, "l?f");
 }
+
+// Every primitive has the names of its mesh and its material in the results of a bake.
+TEST(Gltf, LongNamesAreShownShortened)
+{
+    std::string name = "a";
+    for (int i = 0; i < 1000; ++i)
+        name += "\xc3\xa9";
+    const TemporaryFolder folder;
+    writeFile(folder / "test.glb", cardGlb({{"{\"primitives\"", "{\"name\": \"" + name + "\", \"primitives\""},
+                                            {"\"leaf\"", '"' + name + '"'}}));
+    const Document document(folder / "test.glb");
+    const std::string shown = name.substr(0, 127) + "...";
+    EXPECT_EQ(document.nameOf({0, 0}), "mesh 0 \"" + shown + "\" primitive 0");
+    EXPECT_EQ(readMaterial(document, 0).name, shown);
+    // Patterns are for the whole name.
+    EXPECT_EQ(materialName(document.model(), 0), name);
+}
