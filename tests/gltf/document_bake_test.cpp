@@ -147,6 +147,27 @@ TEST(DocumentBake, SkipsExcludedNames)
     options.excludedMeshes = {"tree*"};
     EXPECT_EQ(bakeCard({}, options).primitives.size(), 1u);
     EXPECT_EQ(reasonFor({{"{\"primitives\"", "{\"name\": \"tree 7\", \"primitives\""}}, options), "it is excluded");
+    options.excludedMaterials = {"*end"};
+    EXPECT_EQ(reasonFor({{"\"leaf\"", '"' + std::string(1000, 'x') + "end\""}}, options), "it is excluded");
+}
+
+// Textures of materials that are not baked may have any extension.
+TEST(DocumentBake, NeedsNoTextureOfWhatIsNotBaked)
+{
+    const Replacements::value_type unknown = {R"({"source": 0, "sampler": 0})",
+                                              R"({"extensions": {"ACME_video": {"source": 0}}})"};
+    const auto codeOf = [](const Replacements &replacements, const DocumentBakeOptions &options) {
+        const DocumentBake bake = bakeCard(replacements, options);
+        return bake.skipped.size() == 1 ? bake.skipped[0].code : SkipReason::NoTriangles;
+    };
+    DocumentBakeOptions options = optionsOf();
+    EXPECT_EQ(codeOf({unknown}, options), SkipReason::Unsupported);
+    EXPECT_EQ(codeOf({unknown, {"\"MASK\"", "\"BLEND\""}}, options), SkipReason::AlphaModeBlend);
+    options.excludedMaterials = {"leaf"};
+    EXPECT_EQ(codeOf({unknown}, options), SkipReason::Excluded);
+    options.excludedMaterials = {};
+    options.excludedMeshes = {""};
+    EXPECT_EQ(codeOf({unknown}, options), SkipReason::Excluded);
 }
 
 TEST(DocumentBake, EqualAlphaSharesAMicromap)

@@ -185,21 +185,22 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     const gltf_json::Model &model = document_.model();
     const gltf_json::Mesh &mesh = model.meshes[place.mesh];
     const gltf_json::Primitive &source = mesh.primitives[place.primitive];
-    // No other property of an opaque material matters here, whether it can be read or not.
-    if (source.material >= 0 && static_cast<size_t>(source.material) < model.materials.size()) {
-        const std::string &mode = model.materials[static_cast<size_t>(source.material)].alphaMode;
+    if (source.material < 0)
+        return; // opaque
+    // No other property of a material that is not baked matters here, whether it can be read or not.
+    if (const auto index = static_cast<size_t>(source.material); index < model.materials.size()) {
+        const std::string &mode = model.materials[index].alphaMode;
         if (mode != "MASK" && mode != "BLEND")
             return;
+        const std::string name = materialName(model, index);
+        if (mode == "BLEND" && !options_.blend)
+            return skip(place, shownName(name), SkipReason::AlphaModeBlend, "its alphaMode is BLEND");
+        if (matches(mesh.name, options_.excludedMeshes) || matches(name, options_.excludedMaterials))
+            return skip(place, shownName(name), SkipReason::Excluded, "it is excluded");
     }
     if (!materials_.contains(source.material))
         materials_[source.material] = readMaterial(document_, source.material);
     const Material &material = materials_[source.material];
-    if (!material.masked())
-        return;
-    if (material.alphaMode == AlphaMode::Blend && !options_.blend)
-        return skip(place, material.name, SkipReason::AlphaModeBlend, "its alphaMode is BLEND");
-    if (matches(mesh.name, options_.excludedMeshes) || matches(material.name, options_.excludedMaterials))
-        return skip(place, material.name, SkipReason::Excluded, "it is excluded");
     if (const auto reason = changing_.reason(place))
         return skip(place, material.name, SkipReason::AlphaChanges, *reason);
     const bool list = source.mode == gltf_json::kTriangles;
