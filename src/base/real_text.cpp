@@ -98,9 +98,6 @@ std::optional<double> plain::parseReal(std::string_view text)
     const double value = std::strtod(terminated.c_str(), &end);
     if (end != terminated.c_str() + terminated.size() || std::isinf(value))
         return std::nullopt;
-    // Too small for a double, unless it is 0 as it stands.
-    if (value == 0 && text.substr(0, text.find_first_of("eE")).find_first_of("123456789") != std::string_view::npos)
-        return std::nullopt;
     return value;
 }
 
@@ -119,6 +116,8 @@ std::optional<double> parseReal(std::string_view text)
 #ifdef __cpp_lib_to_chars
     double value = 0;
     const auto read = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (read.ec == std::errc::result_out_of_range) // too small or too large
+        return plain::parseReal(text);
     return read.ec == std::errc() && read.ptr == text.data() + text.size() ? std::optional(value) : std::nullopt;
 #else
     return plain::parseReal(text);

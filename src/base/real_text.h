@@ -14,7 +14,8 @@ namespace vellum
 std::string shortestText(double number);
 std::string shortestText(float number);
 
-// The number that all of a text is, in the grammar of JSON. Nothing where it is none, or none that a double can hold.
+// The number that all of a text is, in the grammar of JSON. 0 where it is closer to 0 than any
+// other double; nothing where it is none, or larger than all of them.
 std::optional<double> parseReal(std::string_view text);
 
 namespace plain

@@ -22,15 +22,12 @@ void readTransform(const gltf_json::Material &source, Material &material)
     if (!extension.isObject())
         return;
     const auto pair = [&](const char *name, double other) {
-        std::array<double, 2> values{other, other};
-        const std::vector<JsonValue> elements = extension[name].children();
-        for (size_t i = 0; i < 2 && elements.size() == 2; ++i)
-            values[i] = elements[i].number().value_or(other);
-        return values;
+        const std::vector<double> values = gltf_json::numbersIn(extension, name, "KHR_texture_transform");
+        return values.size() == 2 ? std::array{values[0], values[1]} : std::array{other, other};
     };
     const std::array<double, 2> offset = pair("offset", 0);
     const std::array<double, 2> scale = pair("scale", 1);
-    const auto [s, c] = sineCosine(extension["rotation"].number().value_or(0));
+    const auto [s, c] = sineCosine(gltf_json::numberIn(extension, "rotation", "KHR_texture_transform").value_or(0));
     material.uvTransform = {c * scale[0], s * scale[1], offset[0], -s * scale[0], c * scale[1], offset[1]};
     // Overrides that of the texture, for those who read the extension.
     if (const auto texCoord = gltf_json::indexIn(extension, "texCoord", "KHR_texture_transform"))

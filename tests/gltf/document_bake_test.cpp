@@ -451,6 +451,26 @@ TEST(DocumentBake, ADamagedFileIsAnError)
         GltfError);
 }
 
+TEST(DocumentBake, NumbersThatAreNone)
+{
+    // Below all doubles, and so 0: every alpha reaches it.
+    const DocumentBake bake = bakeCard({{"\"alphaCutoff\": 0.25", "\"alphaCutoff\": 1e-400"}});
+    EXPECT_EQ(bake.primitives.at(0).micromap.indices, std::vector<int32_t>(2, specialIndex(State::Opaque)));
+    for (const char *wrong : {"1e400", "\"0.25\"", "null", "true", "{}"}) {
+        const std::string number = wrong;
+        EXPECT_THROW(bakeCard({{"\"alphaCutoff\": 0.25", "\"alphaCutoff\": " + number}}), GltfError) << number;
+        EXPECT_THROW(bakeCard({{"0.25, 0.75]", "0.25, " + number + "]"}}), GltfError) << number;
+        EXPECT_THROW(bakeCard({{"[1, 0.5, 0.25, 0.75]", number}}), GltfError) << number;
+        for (const std::string &transform :
+             {"\"offset\": [0, " + number + "]", "\"scale\": [" + number + ", 1]", "\"rotation\": " + number})
+            EXPECT_THROW(bakeCard({{R"("baseColorTexture": {"index": 0})",
+                                    R"("baseColorTexture": {"index": 0, "extensions": {"KHR_texture_transform": {)" +
+                                        transform + "}}}"}}),
+                         GltfError)
+                << transform;
+    }
+}
+
 TEST(DocumentBake, TheAlphaOfVerticesMultiplies)
 {
     expectSame(bakeColored({1, 1, 1, 1}), bakeDirectly(0.25));

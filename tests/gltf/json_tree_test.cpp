@@ -35,6 +35,15 @@ TEST(JsonTree, ReadsIntegersAndNothingElse)
     EXPECT_EQ(integers, (std::vector<int64_t>{0, -7, 9007199254740993, 2, 300, -1, -1, -1, -1, -1, -1}));
 }
 
+TEST(JsonTree, NumbersThatAreTooSmallAreZero)
+{
+    const JsonTree tree("[1e-400, -0.5e-999, 0e-400, 5e-324, null]");
+    std::vector<double> numbers;
+    for (const JsonValue &element : tree.root().children())
+        numbers.push_back(element.number().value_or(-1));
+    EXPECT_EQ(numbers, (std::vector<double>{0, 0, 0, 5e-324, -1}));
+}
+
 TEST(JsonTree, FindsEscapedNamesAndTheLastOfSeveral)
 {
     const JsonTree tree(R"({"\u0061b": 1, "x": 2, "ab": 3, "\"q\\": "\n\u00e4"})");

@@ -74,18 +74,11 @@ public:
     {
         return object_[name].string().value_or(otherwise);
     }
-    // Empty where an element is not a number.
-    [[nodiscard]] std::vector<double> numbers(std::string_view name) const
+    [[nodiscard]] double number(std::string_view name, double otherwise) const
     {
-        std::vector<double> numbers;
-        for (const JsonValue &element : arrayOf(name)) {
-            const auto number = element.number();
-            if (!number)
-                return {};
-            numbers.push_back(*number);
-        }
-        return numbers;
+        return numberIn(object_, name, place_).value_or(otherwise);
     }
+    [[nodiscard]] std::vector<double> numbers(std::string_view name) const { return numbersIn(object_, name, place_); }
     // Empty where an element is not an integer.
     [[nodiscard]] std::vector<int> integers(std::string_view name) const
     {
@@ -179,7 +172,7 @@ Material materialOf(const Members &material)
     Material result;
     result.name = material.text("name");
     result.alphaMode = material.text("alphaMode", "OPAQUE");
-    result.alphaCutoff = material["alphaCutoff"].number().value_or(0.5);
+    result.alphaCutoff = material.number("alphaCutoff", 0.5);
     result.extensions = material["extensions"];
     const JsonValue pbr = material["pbrMetallicRoughness"];
     if (!pbr.exists())
@@ -447,6 +440,27 @@ std::optional<int> indexIn(const JsonValue &object, std::string_view name, const
     if (!value.exists())
         return std::nullopt;
     return indexOf(value, name, place);
+}
+
+std::optional<double> numberIn(const JsonValue &object, std::string_view name, const std::string &place)
+{
+    const JsonValue value = object[name];
+    const auto number = value.number();
+    if (value.exists() && !number)
+        throw GltfError(place + ": \"" + std::string(name) + "\" is not a number");
+    return number;
+}
+
+std::vector<double> numbersIn(const JsonValue &object, std::string_view name, const std::string &place)
+{
+    std::vector<double> numbers;
+    const JsonValue value = object[name];
+    for (const JsonValue &element : value.children())
+        if (const auto number = element.number())
+            numbers.push_back(*number);
+    if (value.exists() && (!value.isArray() || numbers.size() != value.children().size()))
+        throw GltfError(place + ": \"" + std::string(name) + "\" is not an array of numbers");
+    return numbers;
 }
 
 Model readModel(const Container &container, const JsonTree &tree, const std::filesystem::path &path)

@@ -177,5 +177,8 @@ Model readModel(const Container &container, const JsonTree &tree, const std::fil
 // An integer that can be an index, for values that readModel() leaves as JSON; nothing if the member is missing. Throws
 // GltfError, which begins with `place`, for anything else.
 std::optional<int> indexIn(const JsonValue &object, std::string_view name, const std::string &place);
+// The same for a number, and for an array of numbers, which is empty if the member is missing.
+std::optional<double> numberIn(const JsonValue &object, std::string_view name, const std::string &place);
+std::vector<double> numbersIn(const JsonValue &object, std::string_view name, const std::string &place);
 
 } // namespace vellum::gltf_json
