@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "glb_file.h"
+#include "gltf/file/uri.h"
 #include "gltf/scene.h"
 #include "test_random.h"
 
@@ -100,6 +101,19 @@ TEST(Gltf, ReadsTextFilesWithSeparateFiles)
     EXPECT_THROW(readGltf(folder / "card.gltf"), GltfError);
     writeFile(folder / "disc.png", png);
     EXPECT_EQ(readGltf(folder / "card.gltf").images[0].width, 16u);
+
+// RFC 3986: schemes and "%3D" are the same in any case, and percent-encoding may be anywhere.
+TEST(Gltf, ReadsDataUris)
+{
+    const std::string expected("\x00\x01\xff\xfe", 4);
+    for (const char *uri :
+         {"data:application/octet-stream;base64,AAH//g==", "data:;base64,AAH//g", "data:;base64,AAH%2F%2fg%3D%3D",
+          "DATA:;BASE64,AAH//g==", "Data:text/plain;charset=x;Base64,AAH//g==", "dAtA:,%00%01%ff%FE"}) {
+        ASSERT_TRUE(isDataUri(uri)) << uri;
+        const std::vector<uint8_t> bytes = readDataUri(uri).bytes;
+        EXPECT_EQ(std::string(bytes.begin(), bytes.end()), expected) << uri;
+    }
+    EXPECT_FALSE(isDataUri("data"));
 }
 
 // glTF 2.0, "pbrMetallicRoughness": a texture that is not there reads as 1.

@@ -31,6 +31,13 @@ int hexDigit(char c)
                                   : -1;
 }
 
+// `lower` is ASCII in lower case.
+bool equalsInAnyCase(std::string_view text, std::string_view lower)
+{
+    return std::equal(text.begin(), text.end(), lower.begin(), lower.end(),
+                      [](char a, char b) { return (a >= 'A' && a <= 'Z' ? a - 'A' + 'a' : a) == b; });
+}
+
 void collect(const JsonValue &value, std::vector<std::filesystem::path> &paths)
 {
     for (const auto &[name, member] : value.members())
@@ -197,7 +204,7 @@ void InputFile::requireBeside(const std::filesystem::path &model) const
 
 bool isDataUri(std::string_view uri)
 {
-    return uri.starts_with("data:");
+    return equalsInAnyCase(uri.substr(0, 5), "data:");
 }
 
 DataUri readDataUri(std::string_view uri)
@@ -206,14 +213,13 @@ DataUri readDataUri(std::string_view uri)
     if (comma == std::string_view::npos)
         throw GltfError("the data URI has no comma");
     const std::string_view header = uri.substr(5, comma - 5);
-    const std::string_view text = uri.substr(comma + 1);
+    const std::string text = percentDecoded(uri.substr(comma + 1));
     DataUri data{.mimeType = std::string(header.substr(0, header.find(';'))), .bytes = {}};
-    if (header.ends_with(";base64")) {
+    if (const size_t parameter = header.rfind(';');
+        parameter != std::string_view::npos && equalsInAnyCase(header.substr(parameter), ";base64"))
         data.bytes = base64Decoded(text);
-    } else {
-        const std::string decoded = percentDecoded(text);
-        data.bytes.assign(decoded.begin(), decoded.end());
-    }
+    else
+        data.bytes.assign(text.begin(), text.end());
     return data;
 }
 
