@@ -101,6 +101,12 @@ TEST(Gltf, ReadsTextFilesWithSeparateFiles)
     EXPECT_THROW(readGltf(folder / "card.gltf"), GltfError);
     writeFile(folder / "disc.png", png);
     EXPECT_EQ(readGltf(folder / "card.gltf").images[0].width, 16u);
+    // A path may go up as far as it went down.
+    json.replace(json.find("\"card.bin\""), 10, "\"x/../card.bin\"");
+    json.replace(json.find("\"disc.png\""), 10, "\"x/%2e%2e/disc.png\"");
+    writeFile(folder / "card.gltf", Bytes(json.begin(), json.end()));
+    EXPECT_EQ(readGltf(folder / "card.gltf").images[0].width, 16u);
+}
 
 // RFC 3986: schemes and "%3D" are the same in any case, and percent-encoding may be anywhere.
 TEST(Gltf, ReadsDataUris)
@@ -114,6 +120,7 @@ TEST(Gltf, ReadsDataUris)
         EXPECT_EQ(std::string(bytes.begin(), bytes.end()), expected) << uri;
     }
     EXPECT_FALSE(isDataUri("data"));
+    EXPECT_FALSE(isDataUri("datum:,x"));
 }
 
 // glTF 2.0, "pbrMetallicRoughness": a texture that is not there reads as 1.

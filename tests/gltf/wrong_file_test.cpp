@@ -524,9 +524,7 @@ TEST(GltfWrongFile, LinksThatLeadOut)
     link("..", "in/up");
     for (const std::string uri : {"file.bin", "absolute.bin", "twice.bin", "folder/outside.bin", "up/outside.bin",
                                   "deep/../file.bin", "up/in2/outside.bin"}) {
-        const bool dots = uri.find("..") != std::string::npos;
-        const std::string message =
-            dots ? "the URI leads out of the file's folder" : "a link leads out of the file's folder";
+        const std::string message = "a link leads out of the file's folder";
         EXPECT_EQ(errorOfUri(bufferUri(uri)), "buffer 0 (" + uri + "): " + message);
         EXPECT_EQ(errorOfUri(imageUri(uri)), "image 0 (" + uri + "): " + message);
     }

@@ -179,9 +179,10 @@ std::filesystem::path fileOfUri(const std::filesystem::path &folder, std::string
     const auto path = decodedUri(uri);
     if (!path || path->has_root_path())
         throw GltfUnsupported("the URI is not a relative path");
-    if (std::find(path->begin(), path->end(), "..") != path->end())
+    const std::filesystem::path normal = path->lexically_normal();
+    if (*normal.begin() == "..")
         throw GltfUnsupported("the URI leads out of the file's folder");
-    return folder / *path;
+    return folder / normal;
 }
 
 std::vector<uint8_t> readFileOfUri(const std::filesystem::path &model, std::string_view uri)
