@@ -278,6 +278,16 @@ TEST(BakeCommand, TakesTheFilesOfAGltfAlong)
     EXPECT_EQ(bakedPrimitives(folder / "out/tree.gltf"), 1u);
     EXPECT_EQ(runVellum(bake).exitCode, 0); // again
     EXPECT_EQ(entries(folder / "out"), out);
+    // What programs keep in extras is theirs, whatever they call it.
+    std::string noted = json;
+    noted.replace(noted.find("\"2.0\""), 5, R"("2.0", "extras": {"source": [{"uri": "../notes.txt"}]})");
+    writeFile(folder / "notes.txt", {'n'});
+    writeFile(folder / "in/noted.gltf", {noted.begin(), noted.end()});
+    const Outcome extras =
+        runVellum({"bake", (folder / "in/noted.gltf").string(), "-o", (folder / "out/noted/").string()});
+    EXPECT_EQ(extras.exitCode, 0) << extras.errors;
+    EXPECT_FALSE(fs::exists(folder / "out/notes.txt"));
+    fs::remove_all(folder / "out/noted");
     // A copy beside an earlier output is replaced.
     writeFile(folder / "out/data.bin", {'x'});
     EXPECT_EQ(runVellum(bake).exitCode, 0);
@@ -324,7 +334,7 @@ TEST(BakeCommand, CopiesNothingThatALinkLeadsOutTo)
     writeFile(folder / "secret.txt", {'s'});
     std::string json = writeCardGltf(folder / "in/tree.gltf");
     // Vellum does not read it, but would copy it.
-    json.insert(json.rfind('}'), R"(, "extras": {"uri": "sound.ogg"})");
+    json.insert(json.rfind('}'), R"(, "extensions": {"ACME_sound": {"uri": "sound.ogg"}})");
     writeFile(folder / "in/tree.gltf", {json.begin(), json.end()});
     const std::vector<std::string> bake = {"bake", (folder / "in/tree.gltf").string(), "-o",
                                            (folder / "out").string() + "/"};

@@ -40,12 +40,16 @@ bool equalsInAnyCase(std::string_view text, std::string_view lower)
 
 void collect(const JsonValue &value, std::vector<std::filesystem::path> &paths)
 {
+    if (value.isArray())
+        for (const JsonValue &element : value.children())
+            collect(element, paths);
     for (const auto &[name, member] : value.members())
-        if (name.string() == "uri")
+        if (name.string() == "uri") {
             if (const auto path = decodedUri(member.string().value_or("")))
                 paths.push_back(*path);
-    for (const JsonValue &child : value.children())
-        collect(child, paths);
+        } else if (name.string() != "extras") {
+            collect(member, paths);
+        }
 }
 
 } // namespace

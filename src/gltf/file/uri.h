@@ -28,7 +28,8 @@ std::string percentDecoded(std::string_view text);
 // The path that a URI means, percent-encoding resolved; nothing for data URIs and those with a scheme.
 std::optional<std::filesystem::path> decodedUri(std::string_view uri);
 
-// The files that a JSON value names by members "uri", in any object of it, extensions included.
+// The files that a JSON value names by members "uri", in any object of it, extensions included. What is in
+// "extras" may mean anything.
 std::vector<std::filesystem::path> namedFiles(const JsonValue &root);
 
 // Throws GltfError, without the path, for anything but a regular file of at most 2 GiB: a directory, a pipe or a device
