@@ -308,7 +308,9 @@ void BindingTable::trace(VkCommandBuffer commands) const
     if (place_ != nullptr) {
         const VkDeviceSize from = startOf(buffer_, alignment_), to = startOf(*place_, alignment_);
         const VkBufferCopy all{from, to, buffer_.size() - alignment_};
-        barrier(commands);
+        // The traces before have read what is overwritten.
+        vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_RAY_TRACING_SHADER_BIT_KHR, VK_PIPELINE_STAGE_TRANSFER_BIT, 0,
+                             0, nullptr, 0, nullptr, 0, nullptr);
         vkCmdCopyBuffer(commands, buffer_.handle(), place_->handle(), 1, &all);
         // Of this buffer alone, where that can be said.
         const auto written =
