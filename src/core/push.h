@@ -83,7 +83,7 @@ struct BlasRecordsPush {
     uint geometry;     // index of the geometry
     uint named;        // 1: the micromap is one of VK_KHR_opacity_micromap
     uint micromapSize; // in units of 16 bytes
-    uint commonUnits;  // updates: size of the smaller one of source and structure
+    uint commonUnits;  // updates: of the source and the structure, what surely belongs to both
 };
 
 // structures/tlas_gather.comp

@@ -162,6 +162,7 @@ Guarded::Guarded(Device &gpu, VkDeviceSize size, VkDeviceSize alignment, VkBuffe
         place_.offset = alignUp(own_.address(), alignment) - own_.address();
         return;
     }
+    last = last && size > 0;
     const auto offset = [&] { return alignUp(own_.address() + kGuard, alignment) - own_.address(); };
     own_ = Buffer(gpu, size + kGuard + (last ? 0 : kGuard + alignment), usage);
     // The address of a buffer is known when it exists.

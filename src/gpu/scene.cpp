@@ -351,7 +351,7 @@ void Structure::create(VkDeviceSize size)
         CHECK_VK(gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &create, nullptr, &structure_));
     }
     address_ = addressOf(gpu_, structure_, byAddress ? storage_->address() : 0);
-    if (placedBuffer_ == VK_NULL_HANDLE && create.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+    if (placedBuffer_ == VK_NULL_HANDLE && !byAddress && create.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
         storage_->expectConsistent(address_);
     gpu_.keepPrivateData(VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(structure_));
 }

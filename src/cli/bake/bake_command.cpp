@@ -208,9 +208,7 @@ BakeFileReport Bakery::bakeOne(size_t job, unsigned threads)
         if (const std::string problem = storage_.problemOf(jobs_[job]); !problem.empty())
             return notBaked(problem);
     options.measure = true;
-    // The output is there only if it may be replaced: it is that of an earlier bake, and so are the copies beside it.
-    std::error_code ignored;
-    options.replaceCopies = options_.force || std::filesystem::exists(jobs_[job].output, ignored);
+    options.replaceCopies = options_.force;
     if (jobs_.size() > 1)
         options.images = &images_;
     try {

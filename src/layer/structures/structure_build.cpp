@@ -88,6 +88,7 @@ private:
         VkDeviceAddress sourceDescriptor = 0;
         VkDeviceAddress tail = 0; // of the records of a bottom-level structure; 0: it has none
         VkDeviceSize tailBytes = 0;
+        VkDeviceSize bytes = 0; // with records: what the structure needs
         // The size that the driver needs; only set for builds without records, if the driver clears whole handles.
         VkDeviceSize driverBytes = 0;
         StructureDescriptor descriptor;
@@ -155,6 +156,7 @@ private:
         if (offset + part.tailBytes > target.size)
             offset = (target.size - part.tailBytes) / kPartAlignment * kPartAlignment;
         part.tail = beginOf(device_.driver, target) + offset;
+        part.bytes = bytes;
         fitBottomLevel(part, bytes);
     }
 
@@ -435,7 +437,9 @@ private:
                 push.source = part.sourceDescriptor;
                 push.sourceBegin = beginOf(device_.driver, *build.source);
                 push.begin = beginOf(device_.driver, part.target());
-                push.commonUnits = unitsOf(std::min(build.source->size, part.target().size));
+                // A GENERIC handle may be larger than what belongs to the structure.
+                const VkDeviceSize own = build.source == build.target ? part.target().size : part.bytes;
+                push.commonUnits = unitsOf(std::min({build.source->size, part.target().size, own}));
             }
             if (const auto &attachment = build.inputs[g].micromap) {
                 push.triangleCount = build.ranges.primitives(g);

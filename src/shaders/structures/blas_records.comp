@@ -53,7 +53,9 @@ uvec2 tailAddress()
         return push.tail;
     const Descriptor source = loadDescriptor(push.source);
     const uint at = unitsBetween(push.sourceBegin, source.tail);
-    return source.kind == kDescriptorBottom && fits(at, push.tailUnits, push.commonUnits) ? unitAddress(push.begin, at) : push.tail;
+    return source.kind == kDescriptorBottom && source.count == push.geometryCount && fits(at, push.tailUnits, push.commonUnits)
+               ? unitAddress(push.begin, at)
+               : push.tail;
 }
 
 void main()
