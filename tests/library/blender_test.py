@@ -85,15 +85,19 @@ def counts():
     return {name: len(getattr(bpy.data, name)) for name in DATA}
 
 
+def examples_of_the_page():
+    """How it is installed, and how a script exports."""
+    return re.findall(r"^```python\n(.*?)^```", (ROOT / "docs/blender.md").read_text(encoding="utf-8"), re.M | re.S)
+
+
 class Addon(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         folder = tempfile.TemporaryDirectory(prefix="vellum-blender-")
         cls.addClassCleanup(folder.cleanup)
-        archive = pathlib.Path(folder.name, "addon.zip")
-        subprocess.run([ROOT / "bindings/blender/pack", LIBRARIES, archive], check=True)
-        bpy.ops.preferences.addon_install(filepath=str(archive))
-        bpy.ops.preferences.addon_enable(module="io_vellum")
+        subprocess.run([ROOT / "bindings/blender/pack", LIBRARIES, pathlib.Path(folder.name, "vellum-blender.zip")], check=True)
+        install, _ = examples_of_the_page()
+        exec(install.replace("/tmp/", f"{folder.name}/"), {})
         cls.addon = sys.modules["io_vellum"]
         cls.vellum = cls.addon.work.library()
 
@@ -162,7 +166,7 @@ class Addon(unittest.TestCase):
         vellum("verify", "--strict", "--require-micromaps", self.folder / "tree.v2.glb")
 
     def test_example_of_the_page(self):
-        example, = re.findall(r"^```python\n(.*?)^```", (ROOT / "docs/blender.md").read_text(encoding="utf-8"), re.M | re.S)
+        _, example = examples_of_the_page()
         self.assertIn("/tmp/tree.glb", example)
         exec(example.replace("/tmp/", f"{self.folder}/"), {})
         vellum("verify", "--strict", "--require-micromaps", self.folder / "tree.glb")
