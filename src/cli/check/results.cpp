@@ -365,8 +365,9 @@ std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &r
         tested += group.tested();
         skipped += group.count({Status::Skip});
     }
+    text += facts.device.implementation.empty() ? "\n" : "\nmicromaps: " + facts.device.implementation + "\n";
     text += fmt::format(
-        "\n{}{}: {} in {:.1f} s{}, {}{}\n", facts.device.name,
+        "{}{}: {} in {:.1f} s{}, {}{}\n", facts.device.name,
         facts.incomplete.empty() ? "" : ", incomplete (" + facts.incomplete + ")", counted(tested, "case"),
         facts.seconds, skipped == 0 ? "" : fmt::format(", {} skipped", grouped(skipped)),
         failures == 0 ? "no failure" : counted(failures, "failure"), others.empty() ? "" : " (" + others + ")");

@@ -141,6 +141,8 @@ SurfaceAreas surfaceAreas(const Document &document)
         }
     } catch (const GltfError &) {
         return {};
+    } catch (const std::bad_alloc &) { // of the scene's vertices; what is baked needs less
+        return {};
     }
     return all > 0 ? sums : SurfaceAreas();
 }
