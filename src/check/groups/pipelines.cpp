@@ -242,6 +242,13 @@ Case bindingTables(Random &random, const DeviceLimits &limits)
 Case pipelineRayFlags(Random &random, const DeviceLimits &limits)
 {
     Case c = pipelineCase(random, limits, 64);
+    if (chance(random, 15)) { // many geometries of boxes, of which some are opaque
+        Limits boxes = smallScene(limits);
+        boxes.rays = 64;
+        boxes.boxes = 100;
+        boxes.meshes = 32;
+        c.scene = makeScene(random, boxes, limits);
+    }
     c.trace.byAddress = chance(random, 30);
     c.trace.signedFlags = chance(random, 20);
     c.trace.from = randomFrom(random);
