@@ -35,7 +35,6 @@ inline std::vector<float> paintLeaf()
 // `maxLevel`: the highest subdivision level that the device supports.
 inline vellum::Micromap bakeLeaf(const std::vector<float> &alpha, uint32_t maxLevel)
 {
-    // [bake]
     const vellum::Texture texture{
         .texels = std::as_bytes(std::span(alpha)),
         .width = kLeafSize,
@@ -53,5 +52,4 @@ inline vellum::Micromap bakeLeaf(const std::vector<float> &alpha, uint32_t maxLe
         .cutoff = kLeafCutoff,
     };
     return vellum::bake(card, {.level = std::min(5u, maxLevel)});
-    // [bake end]
 }

@@ -92,13 +92,6 @@ VkDeviceAddress addressOf(Device &gpu, VkAccelerationStructureKHR structure, VkD
     return address;
 }
 
-std::pair<VkObjectType, uint64_t> objectOf(const MicromapHandle &micromap)
-{
-    if (micromap.khr != VK_NULL_HANDLE)
-        return {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(micromap.khr)};
-    return {VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(micromap.ext)};
-}
-
 } // namespace
 
 uint32_t MicromapInput::add(uint32_t level, uint16_t format, std::span<const uint8_t> states)
@@ -233,8 +226,7 @@ void Micromap::create(VkDeviceSize size)
                                                            : VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
     if (handle_.khr != VK_NULL_HANDLE)
         addressOf(gpu_, handle_.khr, storage_.address());
-    const auto [type, object] = objectOf(handle_);
-    gpu_.keepPrivateData(type, object);
+    gpu_.keepPrivateData(handle_.objectType(), handle_.object());
 }
 
 Micromap::~Micromap()
@@ -245,9 +237,8 @@ Micromap::~Micromap()
         gpu_.fault("a micromap build wrote beyond its scratch memory" + scratch_->damage());
     if (scratch_ && !(data_.intact() && triangles_.intact()))
         gpu_.fault("a micromap build wrote to its input");
-    const auto [type, object] = objectOf(handle_);
-    if (object != 0)
-        gpu_.expectPrivateData(type, object);
+    if (handle_.object() != 0)
+        gpu_.expectPrivateData(handle_.objectType(), handle_.object());
     destroyMicromap(gpu_, handle_);
 }
 
