@@ -189,9 +189,8 @@ std::vector<TriangleUvs> readUvs(const UvVertices &vertices, double *uvTerms)
         const float u = coordinateAt(from, vertices.format);
         const float v = coordinateAt(from + component, vertices.format);
         triangles[i / 3][i % 3] = {m[0] * u + m[1] * v + m[2], m[3] * u + m[4] * v + m[5]};
-        for (const size_t row : {0u, 3u})
-            if (!identity)
-                terms.add(m[row] * u, m[row + 1] * v, m[row + 2]);
+        if (!identity)
+            terms.add(m, u, v);
     }
     if (uvTerms != nullptr)
         *uvTerms = terms.value();

@@ -55,12 +55,16 @@ struct UvVertices {
 class UvTerms
 {
 public:
-    // The terms of one coordinate.
-    void add(double a, double b, double c)
+    // Of the transform of a vertex, whose products have its precision.
+    template <typename Number>
+    void add(const std::array<Number, 6> &transform, float u, float v)
     {
-        const double sum = std::abs(a) + std::abs(b) + std::abs(c);
-        if (std::isfinite(sum))
-            largest_ = std::max(largest_, sum);
+        for (const size_t row : {0u, 3u}) {
+            const double sum = std::abs(double{transform[row] * u}) + std::abs(double{transform[row + 1] * v}) +
+                               std::abs(double{transform[row + 2]});
+            if (std::isfinite(sum))
+                largest_ = std::max(largest_, sum);
+        }
     }
     // A power of two.
     [[nodiscard]] float value() const;

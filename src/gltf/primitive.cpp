@@ -226,9 +226,8 @@ void PrimitiveReader::readUvs(const Material &material)
         else
             primitive_.uvs.push_back(
                 {static_cast<float>(m[0] * u + m[1] * v + m[2]), static_cast<float>(m[3] * u + m[4] * v + m[5])});
-        for (const size_t row : {0u, 3u})
-            if (!identity)
-                terms.add(m[row] * u, m[row + 1] * v, m[row + 2]);
+        if (!identity)
+            terms.add(m, u, v);
     }
     primitive_.uvTerms = terms.value();
     primitive_.morphed |= morphs(name);
