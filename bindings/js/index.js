@@ -130,13 +130,27 @@ export function _checkCallbacks({ onProgress, cancelled, signal }) {
   if (signal?.aborted) throw new VellumError('VELLUM_CANCELLED', 'cancelled before it began');
 }
 
+// The copies of arrays: one of each range of bytes, whichever arrays view it.
+export class _Copies {
+  #buffers = new Map();
+  all = [];
+
+  get({ buffer, byteOffset, byteLength }, make) {
+    if (!this.#buffers.has(buffer)) this.#buffers.set(buffer, new Map());
+    const ranges = this.#buffers.get(buffer);
+    const key = `${byteOffset} ${byteLength}`;
+    if (!ranges.has(key)) this.all.push(ranges.set(key, make()).get(key));
+    return ranges.get(key);
+  }
+}
+
 // How the functions of a module are called: memory of a call, its callbacks and its result.
 class Call {
   constructor(module, options) {
     _checkCallbacks(options);
     this.module = module;
     this.owned = [];
-    this.copies = new Map(); // by buffer: addresses by offset and length
+    this.copies = new _Copies();
     this.onProgress = options.onProgress;
     this.poll = options.cancelled;
     this.signal = options.signal;
@@ -180,15 +194,11 @@ class Call {
   // The address of a copy; 0 of nothing. The same bytes have one copy: the library knows a texture by its address.
   put(bytes) {
     if (bytes === undefined) return 0;
-    const { buffer, byteOffset, length } = bytes;
-    if (!this.copies.has(buffer)) this.copies.set(buffer, new Map());
-    const addresses = this.copies.get(buffer);
-    const key = `${byteOffset} ${length}`;
-    if (addresses.has(key)) return addresses.get(key);
-    const address = this.allocate(length);
-    new Uint8Array(this.module.memory.buffer, address, length).set(bytes);
-    addresses.set(key, address);
-    return address;
+    return this.copies.get(bytes, () => {
+      const address = this.allocate(bytes.length);
+      new Uint8Array(this.module.memory.buffer, address, bytes.length).set(bytes);
+      return address;
+    });
   }
 
   putText(text) {

@@ -1,21 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // The functions of index.js in a worker: they do not block, and a signal ends them at any time. worker.d.ts describes it.
-import { VellumError, _checkCallbacks, _known, _located, _ownError } from './index.js';
+import { VellumError, _Copies, _checkCallbacks, _known, _located, _ownError } from './index.js';
 
-// A copy with memory of its own of every array in the arguments of a call. Views of the same bytes have one copy.
-function copied(value, buffers) {
+// The arguments of a call with arrays that have memory of their own, among the copies.
+function copied(value, copies) {
   if (ArrayBuffer.isView(value)) {
-    const { buffer, byteOffset, byteLength } = value;
     const type = value[Symbol.toStringTag]; // a Buffer of Node.js is a Uint8Array
-    if (!buffers.has(buffer)) buffers.set(buffer, new Map());
-    const copies = buffers.get(buffer);
-    const key = `${byteOffset} ${byteLength}`;
-    if (!copies.has(key)) copies.set(key, new Uint8Array(new Uint8Array(buffer, byteOffset, byteLength)).buffer);
-    return new globalThis[type](copies.get(key));
+    const { buffer, byteOffset, byteLength } = value;
+    return new globalThis[type](copies.get(value, () => new Uint8Array(new Uint8Array(buffer, byteOffset, byteLength)).buffer));
   }
-  if (Array.isArray(value)) return value.map((member) => copied(member, buffers));
+  if (Array.isArray(value)) return value.map((member) => copied(member, copies));
   if (Object.prototype.toString.call(value) !== '[object Object]') return value;
-  return Object.fromEntries(Object.entries(value).map(([name, member]) => [name, copied(member, buffers)]));
+  return Object.fromEntries(Object.entries(value).map(([name, member]) => [name, copied(member, copies)]));
 }
 
 export class VellumWorker {
@@ -118,11 +114,11 @@ export class VellumWorker {
     const id = this.#next++;
     const ended = new Promise((resolve, reject) => this.#calls.set(id, { resolve, reject, onProgress }));
     try {
-      const buffers = new Map();
-      const message = { id, method, ...copied({ args, options }, buffers), source: this.#source, progress: onProgress !== undefined };
+      const copies = new _Copies();
+      const message = { id, method, ...copied({ args, options }, copies), source: this.#source, progress: onProgress !== undefined };
       this.#worker ??= this.#started();
       this.#worker.ref?.();
-      this.#worker.postMessage(message, [...buffers.values()].flatMap((copies) => [...copies.values()]));
+      this.#worker.postMessage(message, copies.all);
     } catch (error) {
       this.#calls.delete(id);
       this.#rest();
