@@ -150,8 +150,7 @@ void OutputFiles::copy(const std::filesystem::path &from, const std::filesystem:
         if (sameBytes(from, to))
             return;
         if (!replace)
-            throw GltfError(utf8Text(to) + ": is there already and differs from " + utf8Text(from) +
-                            "; --force replaces it");
+            throw GltfError(utf8Text(to) + ": is there already and differs from " + utf8Text(from));
     }
     NewFile &file = open(to, replace ? Existing::Replace : Existing::Keep);
     std::vector<uint8_t> bytes(size_t{1} << 20);
