@@ -80,7 +80,7 @@ endif()
 
 if(TARGET vellum) # not yet on Windows
   list(APPEND components command)
-  list(APPEND examples gltf opacity_micromap)
+  list(APPEND examples gltf opacity_micromap slurm)
   vellum_install_library(vellum_gltf_library VellumGltfTargets gltf.h)
   vellum_install_library(vellum-gpubake VellumGpuBakeTargets gpu_bake.h)
   vellum_install_pkg_config(vellum-gltf)
