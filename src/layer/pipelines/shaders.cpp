@@ -108,7 +108,26 @@ VkResult DriverPipelineInfo::change(VkComputePipelineCreateInfo &info)
 VkResult DriverPipelineInfo::change(VkGraphicsPipelineCreateInfo &info)
 {
     const uint32_t count = hasShaderStages(info) && info.pStages ? info.stageCount : 0;
-    return change(info, info.pStages, count, "vkCreateGraphicsPipelines");
+    const VkResult result = change(info, info.pStages, count, "vkCreateGraphicsPipelines");
+    return result == VK_SUCCESS && !binariesOf(info.pNext) ? changeGroups(info) : result;
+}
+
+// The shader groups of VK_NV_device_generated_commands have stages of their own.
+VkResult DriverPipelineInfo::changeGroups(VkGraphicsPipelineCreateInfo &info)
+{
+    constexpr VkStructureType type = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_SHADER_GROUPS_CREATE_INFO_NV;
+    const auto *application = findInChain<VkGraphicsPipelineShaderGroupsCreateInfoNV>(info.pNext, type);
+    if (!application)
+        return VK_SUCCESS;
+    groups_.assign(application->pGroups, application->pGroups + application->groupCount);
+    for (VkGraphicsShaderGroupCreateInfoNV &group : groups_)
+        if (!stages_.rewrite(group.pStages, group.stageCount))
+            return VK_ERROR_INVALID_SHADER_NV;
+    Chain &chain = chains_.emplace_back(info.pNext);
+    if (auto *own = chain.edit<VkGraphicsPipelineShaderGroupsCreateInfoNV>(type))
+        own->pGroups = groups_.data(); // modules behind a structure of unknown size stay as they are
+    info.pNext = chain.head();
+    return VK_SUCCESS;
 }
 
 VkResult createComputePipelines(DevicePipelines &device, VkDevice handle, VkPipelineCache cache, uint32_t count,

@@ -34,9 +34,11 @@ public:
 private:
     template <typename Info>
     VkResult change(Info &info, const VkPipelineShaderStageCreateInfo *&stages, uint32_t count, const char *command);
+    VkResult changeGroups(VkGraphicsPipelineCreateInfo &info);
 
     DevicePipelines &device_;
     DriverStages stages_;
+    std::vector<VkGraphicsShaderGroupCreateInfoNV> groups_;
     std::deque<Chain> chains_;
 };
 

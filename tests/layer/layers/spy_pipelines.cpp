@@ -170,6 +170,11 @@ VKAPI_ATTR VkResult VKAPI_CALL createGraphicsPipelines(VkDevice handle, VkPipeli
     for (const VkGraphicsPipelineCreateInfo &info : std::span(infos, count)) {
         expectPromises("vkCreateGraphicsPipelines", pipelineFlags(info.pNext, info.flags));
         expectStageModules(keyOf(handle), "vkCreateGraphicsPipelines", {info.pStages, info.stageCount});
+        if (const auto *groups = inChain<VkGraphicsPipelineShaderGroupsCreateInfoNV>(
+                info.pNext, VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_SHADER_GROUPS_CREATE_INFO_NV))
+            for (const VkGraphicsShaderGroupCreateInfoNV &group : std::span(groups->pGroups, groups->groupCount))
+                expectStageModules(keyOf(handle), "VkGraphicsShaderGroupCreateInfoNV",
+                                   {group.pStages, group.stageCount});
     }
     return SPY_NEXT(vkCreateGraphicsPipelines)(handle, cache, count, infos, allocator, pipelines);
 }

@@ -13,7 +13,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Stages.*", "forcing"}, {"StagesOfLibraries.*", "forcing"}};
+const vt::Labels kLabels{{"Stages.*", "forcing"}, {"StagesOfLibraries.*", "forcing"}, {"StagesOfGroups.*", "one_api"}};
 
 using namespace vt;
 
@@ -93,6 +93,26 @@ TEST_F(StagesOfLibraries, VertexAndFragment)
         expectGraphics(
             {.vertex = plain_vertex, .fragment = query_fragment, .inlineModules = inlineModules, .libraries = true}, 3);
     }
+}
+
+// Stages of VK_NV_device_generated_commands, which lavapipe lacks and ignores: the spy looks at them.
+class StagesOfGroups : public Stages
+{
+protected:
+    StagesOfGroups() : Stages({.validation = false, .api = Api::Khr}) {}
+};
+
+TEST_F(StagesOfGroups, InlineModules)
+{
+    const std::vector<uint32_t> code = gpu().code(query_fragment);
+    const auto module =
+        vkInit<VkShaderModuleCreateInfo>({.codeSize = code.size() * sizeof(uint32_t), .pCode = code.data()});
+    const auto stage = vkInit<VkPipelineShaderStageCreateInfo>(
+        {.pNext = &module, .stage = VK_SHADER_STAGE_FRAGMENT_BIT, .pName = "main"});
+    const auto group = vkInit<VkGraphicsShaderGroupCreateInfoNV>({.stageCount = 1, .pStages = &stage});
+    const auto groups = vkInit<VkGraphicsPipelineShaderGroupsCreateInfoNV>({.groupCount = 1, .pGroups = &group});
+    const Graphics graphics(gpu(), tracer_.layout(),
+                            {.vertex = plain_vertex, .fragment = plain_fragment, .pNext = &groups}, 1);
 }
 
 TEST_F(Stages, RayGeneration)
