@@ -10,12 +10,15 @@ namespace
 {
 
 // Keeps the names that messages use. Returns whether the object is a layer object, whose handle the driver does not
-// know. Acceleration structures of the driver are named in messages as well.
+// know. Acceleration structures of the driver are named in messages as well, where the layer or validation sees their
+// destruction, which ends the name.
 bool keepName(DeviceState &device, VkObjectType type, uint64_t object, const char *name)
 {
     const bool own = device.own(type, object);
-    if (own || type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR)
-        device.driver.report().setName(object, name ? name : "");
+    const Driver &driver = device.driver;
+    const bool isSeen = driver.providesMicromaps() || (driver.enabled.any() && driver.settings->validate.any());
+    if (own || (type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR && isSeen))
+        driver.report().setName(object, name ? name : "");
     return own;
 }
 

@@ -294,6 +294,7 @@ void destroyAccelerationStructure(DeviceValidation &device, VkDevice handle, VkA
                     "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02442", *known);
         setDestroyed(device, *known);
     }
+    device.driver.report().setName(reinterpret_cast<uint64_t>(structure), "");
     device.next.DestroyAccelerationStructureKHR(handle, structure, allocator);
 }
 
