@@ -245,6 +245,8 @@ VkResult DeviceCreation::prepare()
     if (!dependsOnLayer(info_))
         return VK_SUCCESS;
     physical_ = describe(instance_, physicalHandle_);
+    if (physical_->listed != VK_SUCCESS)
+        return physical_->listed;
     driver.enabled = enabledFeatures(info_);
     driver.mode = modeOf(info_, physical_->have);
     driver.clearsWholeHandles = driver.keepsOldPushConstants = physical_->isLavapipeBefore26;

@@ -166,6 +166,8 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateDeviceExtensionProperties(VkPhysicalDevi
     if (layer)
         return instance.next.EnumerateDeviceExtensionProperties(device, layer, count, properties);
     const auto physical = describe(instance, device);
+    if (physical->listed != VK_SUCCESS)
+        return physical->listed;
     std::vector<VkExtensionProperties> list = physical->extensions;
     for (const ProvidedExtension &own : kProvidedExtensions) {
         const auto isListed = [&own](const auto &e) { return std::strcmp(e.extensionName, own.name) == 0; };

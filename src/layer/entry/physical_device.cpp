@@ -193,7 +193,8 @@ std::shared_ptr<const PhysicalDevice> describe(Instance &instance, VkPhysicalDev
             return known->second;
     }
     auto device = std::make_shared<PhysicalDevice>();
-    if (listExtensions(instance, handle, device->extensions) != VK_SUCCESS) {
+    device->listed = listExtensions(instance, handle, device->extensions);
+    if (device->listed != VK_SUCCESS) {
         device->extensions.clear();
         return device; // not kept: the driver may have been out of memory
     }

@@ -57,6 +57,7 @@ inline constexpr ProvidedExtension kProvidedExtensions[] = {
 };
 
 struct PhysicalDevice {
+    VkResult listed = VK_SUCCESS;                  // of the driver's list of extensions; on failure all else is unknown
     std::vector<VkExtensionProperties> extensions; // of the driver
     Implementations have;
 

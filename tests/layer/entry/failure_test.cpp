@@ -319,6 +319,22 @@ TEST_F(FailuresUnvalidated, Serialization)
     EXPECT_EQ(seenOf(gpu(), restored), expected);
 }
 
+// Of another instance, which knows nothing of the device so far. The next call succeeds.
+TEST_F(FailuresUnvalidated, ListOfExtensions)
+{
+    failAt(1);
+    try {
+        const Gpu other(gpu().options());
+        ADD_FAILURE() << "a device without its list of extensions";
+    } catch (const std::exception &error) {
+        EXPECT_NE(std::string(error.what()).find("vkEnumerateDeviceExtensionProperties"), std::string::npos)
+            << error.what();
+    }
+    EXPECT_EQ(failedCommand(), "vkEnumerateDeviceExtensionProperties");
+    failAt(0);
+    const Gpu other(gpu().options());
+}
+
 // Recorded work is lost with the device, and everything can be destroyed.
 TEST_F(FailuresUnvalidated, DeviceLost)
 {

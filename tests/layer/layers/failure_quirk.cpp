@@ -287,7 +287,10 @@ driver::LevelRows driver::failureRows()
         {"vkCreateComputePipelines", DRIVER_FUNCTION(createComputePipelines)},
         {"vkCreateRayTracingPipelinesKHR", DRIVER_FUNCTION(createRayTracingPipelines)},
     };
-    static const Row instance[]{{"vkCreateDevice", DRIVER_FUNCTION(createDevice)}};
+    static const Row instance[]{
+        FALLIBLE(vkEnumerateDeviceExtensionProperties),
+        {"vkCreateDevice", DRIVER_FUNCTION(createDevice)},
+    };
     return {device, instance};
 }
 
