@@ -20,8 +20,9 @@ class StructureLocations : public Copies
 protected:
     static constexpr VkDeviceSize kBytes = 1 << 20;
 
-    StructureLocations()
-        : memory_(gpu(), kBytes, 256,
+    explicit StructureLocations(const Options &options = {.shared = true})
+        : Copies(options),
+          memory_(gpu(), kBytes, 256,
                   VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT)
     {
         std::memset(memory_.bytes(), kUntouched, kBytes);
@@ -140,6 +141,87 @@ TEST_F(StructureLocations, UpdatesOfPackedCompactedStructures)
             EXPECT_EQ(seenOf(gpu(), *structure), expected);
     }
     expectUntouchedFrom(256 + packed.size() * size);
+}
+
+// Builds and updates of one structure whose commands state other maximum counts. Validation 1.3.239 does not know of
+// indirect builds.
+class LocationsOfOtherCounts : public StructureLocations
+{
+protected:
+    static constexpr uint32_t kSpare = 50;
+    static constexpr VkBuildAccelerationStructureFlagsKHR kUpdatable =
+        VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR;
+
+    LocationsOfOtherCounts() : StructureLocations({.oldValidation = false, .quirks = "capable"}) {}
+
+    // A build of the patchwork; `spare`: as many more triangles of each geometry are possible.
+    std::unique_ptr<Blas> prepared(VkBuildAccelerationStructureModeKHR mode, uint32_t spare)
+    {
+        auto geometries = patchwork_.geometries();
+        for (Geometry &geometry : geometries) {
+            const auto more = triangleRow(spare);
+            geometry.vertices.insert(geometry.vertices.end(), more.begin(), more.end());
+            geometry.spareTriangles = spare;
+        }
+        auto blas = std::make_unique<Blas>(gpu());
+        blas->prepare(std::move(geometries), kUpdatable, mode);
+        return blas;
+    }
+    // Carries out what is prepared, indirectly.
+    void build(const Blas &prepared, const Structure *source, const Structure &target)
+    {
+        VkAccelerationStructureBuildGeometryInfoKHR info = prepared.buildInfo();
+        info.srcAccelerationStructure = source ? source->handle() : VK_NULL_HANDLE;
+        info.dstAccelerationStructure = target.handle();
+        std::vector<uint32_t> most;
+        for (uint32_t g = 0; g < info.geometryCount; ++g)
+            most.push_back(prepared.maxPrimitives(g));
+        const Buffer ranges = gpu().upload(std::span(prepared.ranges(), info.geometryCount),
+                                           VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+        const VkDeviceAddress address = ranges.address();
+        const uint32_t stride = sizeof(VkAccelerationStructureBuildRangeInfoKHR);
+        const uint32_t *counts = most.data();
+        gpu().submit([&](VkCommandBuffer commands) {
+            gpu().vk().CmdBuildAccelerationStructuresIndirectKHR(commands, 1, &info, &address, &stride, &counts);
+        });
+    }
+    static constexpr auto kBuild = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR;
+    static constexpr auto kUpdate = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
+
+    const Patchwork patchwork_{gpu()};
+};
+
+// The records of the source begin where those of the target may not.
+TEST_F(LocationsOfOtherCounts, UpdateIntoLessMemory)
+{
+    const auto source = prepared(kBuild, kSpare), update = prepared(kUpdate, 0);
+    build(*source, nullptr, *source);
+    const auto expected = seenOf(gpu(), *source);
+    const auto target = toTheEnd(256);
+    build(*update, source.get(), *target);
+    EXPECT_EQ(seenOf(gpu(), *target), expected);
+    expectUntouchedFrom(256 + prepared(kBuild, 0)->size());
+    EXPECT_EQ(seenOf(gpu(), *source), expected);
+}
+
+TEST_F(LocationsOfOtherCounts, UpdatesInPlace)
+{
+    const Blas fresh(gpu(), patchwork_.geometries());
+    const auto expected = seenOf(gpu(), fresh);
+    for (const bool growing : {false, true}) {
+        SCOPED_TRACE(growing);
+        std::memset(memory_.bytes(), kUntouched, kBytes);
+        const auto first = prepared(kBuild, growing ? 0 : kSpare), update = prepared(kUpdate, growing ? kSpare : 0);
+        const VkDeviceSize size = prepared(kBuild, kSpare)->size();
+        const auto target = placed(256, size);
+        build(*first, nullptr, *target);
+        EXPECT_EQ(seenOf(gpu(), *target), expected);
+        for (int round = 0; round < 2; ++round) {
+            build(*update, target.get(), *target);
+            EXPECT_EQ(seenOf(gpu(), *target), expected) << round;
+        }
+        expectUntouchedFrom(256 + size);
+    }
 }
 
 TEST_F(StructureLocations, TopLevelsSideBySide)
