@@ -2,6 +2,8 @@
 // The instance slots of top-level structures that grow: old ones come back once nothing can access them.
 #include <array>
 #include <memory>
+#include <thread>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -21,7 +23,7 @@ protected:
     StructureSlots()
     {
         EXPECT_EQ(state_.root.create(device_.context()), VK_SUCCESS);
-        structure_.location = state_.locations.acquire({1, 0});
+        enterLocation(state_, structure_);
         structure_.location->descriptor.words = words_.data();
     }
     // Simulates the execution of a build with these slots on the device.
@@ -83,9 +85,47 @@ TEST_F(StructureSlots, GoWithTheStructure)
 {
     std::weak_ptr<SlotRange> slots = record(100);
     const auto commands = slots.lock()->use();
-    state_.locations.release({1, 0});
-    structure_.location.reset();
+    leaveLocation(state_, structure_);
     EXPECT_TRUE(slots.expired());
+}
+
+TEST_F(StructureSlots, GoWithTheLastStructureOfALocation)
+{
+    AccelerationStructure other;
+    enterLocation(state_, other);
+    EXPECT_EQ(other.location, structure_.location);
+    const std::weak_ptr<SlotRange> slots = record(100);
+    leaveLocation(state_, structure_);
+    EXPECT_FALSE(slots.expired());
+    EXPECT_EQ(other.location->first, &other);
+    EXPECT_EQ(other.nextAtLocation, nullptr);
+    leaveLocation(state_, other);
+    EXPECT_TRUE(slots.expired());
+}
+
+// Each thread's structures begin where those of the others do, and at the location behind.
+TEST_F(StructureSlots, LocationsOfSeveralThreads)
+{
+    std::vector<std::thread> threads;
+    for (int t = 0; t < 4; ++t)
+        threads.emplace_back([this] {
+            for (int i = 0; i < 2000; ++i) {
+                AccelerationStructure own, next;
+                own.size = 1024;
+                next.offset = 256;
+                enterLocation(state_, own);
+                enterLocation(state_, next);
+                EXPECT_EQ(capacityOf(state_, own), 256u);
+                leaveLocation(state_, next);
+                leaveLocation(state_, own);
+            }
+        });
+    for (std::thread &thread : threads)
+        thread.join();
+    EXPECT_EQ(structure_.location->first, &structure_);
+    EXPECT_EQ(structure_.location->users, 1u);
+    structure_.size = 1024;
+    EXPECT_EQ(capacityOf(state_, structure_), 1024u);
 }
 
 } // namespace

@@ -122,35 +122,30 @@ std::shared_ptr<AccelerationStructure> newStructure(const BufferRange &range, Vk
 
 void enterLocation(DeviceState &device, AccelerationStructure &structure)
 {
-    structure.key = {device.buffers.infos.get(structure.buffer).number, structure.offset};
-    structure.location = device.locations.acquire(structure.key);
-    Undo undo([&] { leaveLocation(device, structure); });
-    StructureLocation &location = *structure.location;
-    std::lock_guard lock(location.mutex);
-    // The last structure left at the same moment, and expected the location to be destroyed.
-    if (!location.first && !location.references.empty() && location.references.front().structures > 0)
-        forgetReference(device, location, location.references.front().address);
-    structure.nextAtLocation = std::exchange(location.first, &structure);
-    if (location.descriptor.address)
-        addReference(device, location, structure);
-    undo.keep();
+    const StructureLocations::Key key{device.buffers.infos.get(structure.buffer).number, structure.offset};
+    structure.position = device.locations.acquire(key, [&](StructureLocation &location, bool isNew) {
+        structure.location = &location;
+        std::unique_lock lock(location.mutex, std::defer_lock);
+        if (!isNew)
+            lock.lock();
+        if (location.descriptor.address)
+            addReference(device, location, structure);
+        structure.nextAtLocation = std::exchange(location.first, &structure);
+    });
 }
 
 void leaveLocation(DeviceState &device, const AccelerationStructure &structure)
 {
-    {
-        StructureLocation &location = *structure.location;
+    // The last structure destroys the location, with everything that leads to it.
+    device.locations.release(structure.position, [&](StructureLocation &location) {
         std::lock_guard lock(location.mutex);
         AccelerationStructure **at = &location.first;
-        while (*at && *at != &structure)
+        while (*at != &structure)
             at = &(*at)->nextAtLocation;
-        if (*at)
-            *at = structure.nextAtLocation;
-        // The last structure destroys the location, with everything that leads to it.
-        if (structure.reference != 0 && location.first)
+        *at = structure.nextAtLocation;
+        if (structure.reference != 0)
             forgetReference(device, location, structure.reference);
-    }
-    device.locations.release(structure.key);
+    });
 }
 
 StructureDescriptor descriptorOf(DeviceState &device, AccelerationStructure &structure)
@@ -271,7 +266,7 @@ void becomesTopLevel(AccelerationStructure &structure, uint32_t instances, VkDev
 
 VkDeviceSize capacityOf(const DeviceState &device, const AccelerationStructure &structure)
 {
-    return std::min(structure.size, device.locations.bytesToNext(structure.key));
+    return std::min(structure.size, device.locations.bytesToNext(structure.position));
 }
 
 namespace
@@ -372,9 +367,14 @@ Micromap micromapIn(const AccelerationStructure &structure)
             {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(structure.handle)}};
 }
 
+bool publishesMicromap(const DeviceState &device, const AccelerationStructure &structure)
+{
+    return device.driver.enabled.khr && canHoldMicromap(structure);
+}
+
 void publishMicromap(DeviceState &device, AccelerationStructure &structure)
 {
-    if (!device.driver.enabled.khr || !canHoldMicromap(structure))
+    if (!publishesMicromap(device, structure))
         return;
     std::lock_guard lock(structure.mutex);
     if (!structure.micromapKey)
@@ -383,7 +383,7 @@ void publishMicromap(DeviceState &device, AccelerationStructure &structure)
 
 void publishMicromapOnceBound(DeviceState &device, const std::shared_ptr<AccelerationStructure> &structure)
 {
-    if (!device.driver.enabled.khr || !canHoldMicromap(*structure))
+    if (!publishesMicromap(device, *structure))
         return;
     {
         // The mutex: bufferHasAddress() comes after the address is known, and only once.

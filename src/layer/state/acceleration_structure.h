@@ -32,9 +32,9 @@ struct AccelerationStructure {
     VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
 
     VkDeviceAddress reference =
-        0;                       // the address, once it leads to the location's descriptor; guarded by location->mutex
-    StructureLocations::Key key; // of the location
-    std::shared_ptr<StructureLocation> location;     // never null
+        0; // the address, once it leads to the location's descriptor; guarded by location->mutex
+    StructureLocations::Position position{};         // of the location
+    StructureLocation *location = nullptr;           // until the structure leaves it
     AccelerationStructure *nextAtLocation = nullptr; // guarded by location->mutex
 
     std::mutex mutex;                // guards the members below
@@ -110,8 +110,10 @@ Micromap micromapIn(const AccelerationStructure &structure);
 // A micromap was recorded into a structure.
 void becomeMicromap(DeviceState &device, AccelerationStructure &structure);
 
-// Publishes the micromap that a structure is or can hold: serialized structures may name it by the address of its
+// Returns whether a structure is or can hold a micromap that serialized structures may name by the address of its
 // memory.
+bool publishesMicromap(const DeviceState &device, const AccelerationStructure &structure);
+// Publishes that micromap, if there is one.
 void publishMicromap(DeviceState &device, AccelerationStructure &structure);
 // As above, for a structure of vkCreateAccelerationStructureKHR: now, or when its buffer is bound to memory.
 void publishMicromapOnceBound(DeviceState &device, const std::shared_ptr<AccelerationStructure> &structure);

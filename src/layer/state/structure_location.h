@@ -29,7 +29,8 @@ struct StructureLocation {
     StructureLocation &operator=(const StructureLocation &) = delete;
 
     RootTable &root;
-    std::mutex mutex; // guards what is below
+    uint32_t users = 0; // guarded by StructureLocations
+    std::mutex mutex;   // guards what is below
     // The structures that begin here and whose handles exist.
     AccelerationStructure *first = nullptr; // of a list by nextAtLocation
     // The addresses that were queried, by which instances may name the structures. Each is a user of the descriptor.
@@ -67,20 +68,41 @@ public:
 
     // The number of a buffer (BufferInfo), and an offset in it.
     using Key = std::pair<uint64_t, VkDeviceSize>;
-    // The location of that key, which the first call creates. Each call is paired with a release.
-    std::shared_ptr<StructureLocation> acquire(const Key &key);
-    void release(const Key &key);
+    using Table = std::map<Key, StructureLocation>;
+    using Position = Table::iterator;
+    // The location of that key, which the first call creates. Each call is paired with a release. Calls
+    // `enter(location, isNew)` with the table locked: no other thread knows a location that is new. If this throws, the
+    // location is as before.
+    template <typename Enter>
+    Position acquire(const Key &key, Enter enter)
+    {
+        std::lock_guard lock(mutex_);
+        const auto [position, isNew] = locations_.try_emplace(key, root_);
+        enter(position->second, isNew);
+        ++position->second.users;
+        return position;
+    }
+    // Destroys the location if this was its last user. Otherwise calls `leave(location)` with the table locked.
+    template <typename Leave>
+    void release(Position position, Leave leave)
+    {
+        Table::node_type last; // destroyed without the mutex
+        std::lock_guard lock(mutex_);
+        if (position->second.users == 1) {
+            last = locations_.extract(position);
+            return;
+        }
+        leave(position->second);
+        --position->second.users;
+    }
     // Bytes to the next location in the same buffer; ~0 if there is none.
-    [[nodiscard]] VkDeviceSize bytesToNext(const Key &key) const;
+    [[nodiscard]] VkDeviceSize bytesToNext(Position position) const;
 
 private:
-    struct Entry {
-        std::shared_ptr<StructureLocation> location;
-        uint32_t users = 0;
-    };
     RootTable &root_;
+    // Guards the table. It is locked before the mutex of a location, never after.
     mutable std::mutex mutex_;
-    std::map<Key, Entry> locations_;
+    Table locations_;
 };
 
 } // namespace vellum::layer

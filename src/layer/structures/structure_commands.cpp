@@ -29,6 +29,8 @@ void forgetStructure(DeviceStructures &device, AccelerationStructure &structure)
 {
     leaveLocation(device.objects, structure);
     destroyExactSizeHandles(device, structure);
+    if (!publishesMicromap(device.objects, structure))
+        return;
     // Another thread may be querying the buffer's address, and so be in bufferHasAddress().
     std::lock_guard lock(device.objects.unboundMutex);
     std::erase_if(device.objects.unboundMicromaps, [&](const std::weak_ptr<AccelerationStructure> &unbound) {

@@ -33,13 +33,15 @@ uint32_t mostInstances(const DeviceStructures &device, const AccelerationStructu
     const bool generic = source.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ||
                          target.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     const uint32_t fits = topLevelCapacity(device.driver, std::min(source.size, target.size));
-    std::lock_guard lock(source.location->mutex);
-    const StructureLocation &location = *source.location;
-    if (location.mostInstances == 0)
+    const auto [most, last] = [&location = *source.location] {
+        std::lock_guard lock(location.mutex);
+        return std::pair(location.mostInstances, location.lastInstances);
+    }();
+    if (most == 0)
         return generic ? std::min(fits, topLevelCapacity(device.driver, capacityOf(device.objects, target))) : fits;
     if (generic)
-        return std::min(fits, location.lastInstances);
-    const uint64_t likely = std::max(uint64_t{location.mostInstances} * kMostGrowth, uint64_t{kFewInstances});
+        return std::min(fits, last);
+    const uint64_t likely = std::max(uint64_t{most} * kMostGrowth, uint64_t{kFewInstances});
     return static_cast<uint32_t>(std::min<uint64_t>(fits, likely));
 }
 
