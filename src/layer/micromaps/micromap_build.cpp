@@ -120,10 +120,11 @@ DataCopy dataCopyOf(const DeviceMicromaps &device, VkCommandBuffer commandBuffer
 struct OneBuild {
     MicromapPush push{};
     DataCopy copy;
-    // If the data may be used in place, one pass checks that and writes all records. Those of micromap_pack.comp are
-    // dispatched indirectly, with arguments in the scratch memory, so that they cost little unless that pass starts
-    // them.
+    // If the data may be used in place, one pass checks that and writes all records.
     bool inPlace = false;
+    // A triangle may have data behind the micromap's capacity. The passes of micromap_pack.comp are then dispatched
+    // indirectly, with arguments in the scratch memory, so that they cost little unless the pass in place starts them.
+    bool mayPack = false;
     VkBuffer scratch = VK_NULL_HANDLE;
     VkDeviceSize scratchOffset = 0;
     VkBuffer micromap = VK_NULL_HANDLE;
@@ -157,27 +158,34 @@ uint32_t trianglesPerInvocation(const DeviceMicromaps &device, uint32_t triangle
     return std::max(triangles / invocations, 1u);
 }
 
-// Prepares the pass in place, if the build can use it: the layer must know the buffers of the data and of the scratch
-// memory.
+// Prepares the pass in place, if the build can use it: the layer must know the buffers of the data and, if the build
+// may pack, of the scratch memory.
 void prepareInPlace(const DeviceMicromaps &device, VkCommandBuffer commandBuffer, const MicromapBuild &given,
                     OneBuild &build)
 {
     MicromapPush &push = build.push;
     if (given.extent.share || given.extent.lossy || push.triangleCount == 0 || push.triangleCount > kMostInPlace)
         return;
-    const AddressMap::Location location = device.buffers.addresses.covering(
-        push.scratch, kScratchTables * 4, VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT);
-    if (!location.buffer || location.offset % 4 != 0 ||
-        (device.buffers.infos.get(given.target.buffer).usage & VK_BUFFER_USAGE_TRANSFER_DST_BIT) == 0)
+    const uint64_t capacity = uint64_t{push.capacityUnits} * kDataUnitBytes;
+    build.mayPack = given.extent.maxLevel > kCoarseLevel && push.dataBytes > capacity;
+    AddressMap::Location location;
+    if (build.mayPack) {
+        location = device.buffers.addresses.covering(
+            push.scratch, kScratchTables * 4, VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT);
+        if (!location.buffer || location.offset % 4 != 0)
+            return;
+    }
+    if ((device.buffers.infos.get(given.target.buffer).usage & VK_BUFFER_USAGE_TRANSFER_DST_BIT) == 0)
         return;
     if (given.extent.units > 0) {
         build.copy = dataCopyOf(device, commandBuffer, given);
         if (!build.copy.from)
             return;
     }
-    device.commands.states.keep(commandBuffer, location.owner);
+    if (build.mayPack)
+        device.commands.states.keep(commandBuffer, location.owner);
     const uint64_t bytes = packedBytes(push.alike & 0xffff, static_cast<Format>(push.alike >> 16));
-    const uint64_t end = std::min(uint64_t{push.capacityUnits} * kDataUnitBytes, uint64_t{push.dataBytes});
+    const uint64_t end = std::min(capacity, uint64_t{push.dataBytes});
     if (push.readable < push.triangleCount || push.triangleArrayStride != sizeof(VkMicromapTriangleEXT) ||
         push.triangleArray % sizeof(VkMicromapTriangleEXT) != 0 || end < bytes)
         push.alike = 0;
@@ -260,12 +268,14 @@ private:
             next.CmdCopyBuffer(commandBuffer_, build.copy.from, build.micromap, 1, &build.copy.region);
         if (!build.inPlace)
             return;
-        uint32_t scratch[kScratchTables] = {};
-        for (uint32_t pass = 0; pass < kPackPasses; ++pass) {
-            const VkDispatchIndirectCommand groups = InjectedWork::groupsOf(build.packing(pass), 64);
-            std::memcpy(scratch + kScratchArguments + kArgumentWords + pass * 3, &groups, sizeof groups);
+        if (build.mayPack) {
+            uint32_t scratch[kScratchTables] = {};
+            for (uint32_t pass = 0; pass < kPackPasses; ++pass) {
+                const VkDispatchIndirectCommand groups = InjectedWork::groupsOf(build.packing(pass), 64);
+                std::memcpy(scratch + kScratchArguments + kArgumentWords + pass * 3, &groups, sizeof groups);
+            }
+            next.CmdUpdateBuffer(commandBuffer_, build.scratch, build.scratchOffset, sizeof scratch, scratch);
         }
-        next.CmdUpdateBuffer(commandBuffer_, build.scratch, build.scratchOffset, sizeof scratch, scratch);
         uint32_t header[kMicromapHeaderWords] = {};
         header[kMicromapHeaderMagic] = kMicromapMagic;
         header[kMicromapHeaderTriangles] = build.push.triangleCount;
@@ -348,7 +358,7 @@ private:
         bool some = false;
         for (const OneBuild &build : builds_) {
             const uint64_t count = build.packing(pass);
-            if (build.shares() || count == 0)
+            if (build.shares() || count == 0 || (build.inPlace && !build.mayPack))
                 continue;
             some = true;
             MicromapPush push = build.push;

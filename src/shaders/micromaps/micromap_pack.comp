@@ -3,7 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Micromap build whose data is neither shared nor used in place: three passes (push.pack) assign data units to every triangle,
 // in their order, write its record and copy its data. They read the data only to copy it. One shader, without barriers of a
-// workgroup, because drivers compile it for every first build, of which hardly any runs it.
+// workgroup, because drivers compile it for first builds, of which hardly any runs it.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"
@@ -23,6 +23,17 @@ void scan()
     writeHeader(min(sum, push.capacityUnits));
 }
 
+// Copies every `step`-th word of a triangle's data to its units. Words are enough for a pass that hardly any build needs.
+void copyWords(Source s, uint first, uint step, uvec2 target)
+{
+    const uint bytes = sourceBytes(s.level, s.bitsPerState);
+    const uint words = unitsOf(s) * (kDataUnitBytes / 4u);
+    const uvec2 source = addressPlus(push.data, s.dataOffset);
+    Words to = Words(target);
+    for (uint w = first; w < words; w += step)
+        to.w[w] = w * 4u < bytes ? loadBytes(addressPlus(source, w * 4u), 4u) : 0u;
+}
+
 void main()
 {
     const uint i = globalInvocation();
@@ -31,7 +42,7 @@ void main()
             scan();
         return;
     }
-    // In the last pass, several invocations copy the units of a block in turns.
+    // In the last pass, several invocations copy the data of a block in turns.
     const bool copies = push.pack == kPackCopies;
     const uint copiers = copies ? 1u << push.copiersLog2 : 1u;
     const uint block = copies ? i >> push.copiersLog2 : i;
@@ -55,8 +66,7 @@ void main()
                 storeRecord(t, record);
             }
             if (!overflows)
-                copyUnits(s, (me - unit) & (copiers - 1u), units, copiers,
-                          elementAddress(micromapUnits(push.micromap, push.triangleCount), unit, kDataUnitBytes));
+                copyWords(s, me, copiers, elementAddress(micromapUnits(push.micromap, push.triangleCount), unit, kDataUnitBytes));
         }
         unit += units;
     }

@@ -38,15 +38,13 @@ Source readSource(uint triangle)
     if (triangle >= push.readable)
         return s;
     const uvec2 address = elementAddress(push.triangleArray, triangle, push.triangleArrayStride);
-    uint levelAndFormat;
-    if (((push.triangleArray.x | push.triangleArrayStride) & 3u) == 0u) {
-        Words words = Words(address);
-        s.dataOffset = words.w[0];
-        levelAndFormat = words.w[1];
-    } else {
-        s.dataOffset = loadBytes(address, 4u);
-        levelAndFormat = loadBytes(addressPlus(address, 4u), 4u);
-    }
+    Words words = Words(uvec2(address.x & ~3u, address.y));
+    const uint shift = (address.x & 3u) * 8u;
+    uvec2 triangleWords = uvec2(words.w[0], words.w[1]);
+    if (shift != 0u)
+        triangleWords = triangleWords >> shift | uvec2(triangleWords.y, words.w[2]) << 32u - shift;
+    s.dataOffset = triangleWords.x;
+    const uint levelAndFormat = triangleWords.y;
     s.level = levelAndFormat & 0xffffu;
     s.bitsPerState = levelAndFormat >> 16u; // VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT is 1, 4_STATE 2
     if (s.bitsPerState - 1u > 1u || s.level > min(kMaxSubdivisionLevel, (push.flags >> kBuildMaxLevelShift) & 15u))

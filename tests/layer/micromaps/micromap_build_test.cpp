@@ -238,6 +238,15 @@ TEST_F(MicromapBuild, DataThatStays)
                     Micromap other(gpu(), input, flags);
                     expectModel(other, flags);
                 }
+                // Only the device knows whether a triangle uses bytes behind the others' data.
+                input.triangles[which] = good;
+                input.data.resize(input.data.size() + 64, 0x77);
+                Micromap behind(gpu(), input, flags);
+                expectModel(behind, flags);
+                const uint32_t bytes = std::max(1u, uint32_t{format} << (2u * good.subdivisionLevel) >> 3);
+                input.triangles[which].dataOffset = static_cast<uint32_t>(input.data.size()) - bytes;
+                Micromap moved(gpu(), input, flags);
+                expectModel(moved, flags);
             }
         }
     }
