@@ -318,7 +318,7 @@ private:
         if (parts)
             stage(InjectedShader::MicromapParts, sharedParts, 64, kBuildAnalysing);
         stage(InjectedShader::MicromapShare, sharedTriangles);
-        stage(InjectedShader::MicromapSums, sharedBlocks);
+        stage(InjectedShader::MicromapPlace, sharedBlocks, 64, kBuildAnalysing);
         stage(
             InjectedShader::MicromapScan, [](const OneBuild &build) { return uint64_t{build.shares()}; }, 1);
         stage(InjectedShader::MicromapPlace, sharedBlocks);

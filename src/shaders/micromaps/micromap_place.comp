@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build that shares identical data, one workgroup for each block of kPlaceBlock triangles: assigns data units to every
-// triangle, in their order, writes its record and copies its data; micromap_parts.comp copies that of triangles with many units.
+// Micromap build that shares identical data, one workgroup for each block of kPlaceBlock triangles: counts the data units of the
+// block; or, once the units before each block are known, assigns them to every triangle, in their order, writes its record and
+// copies its data. micromap_parts.comp copies that of triangles with many units.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"
@@ -44,15 +45,21 @@ void main()
         sum += ownUnits(t, readSource(t));
     sums[me] = sum;
     barrier();
+    const bool counts = (push.flags & kBuildAnalysing) != 0u;
     if (me == 0u && block * kPlaceBlock < push.triangleCount) {
-        uint before = Words(sumsAddress()).w[block];
+        Words blockSums = Words(sumsAddress());
+        uint before = counts ? 0u : blockSums.w[block]; // at most kPlaceBlock * 2^18 in a block
         for (uint i = 0u; i < gl_WorkGroupSize.x; ++i) {
             const uint own = sums[i];
             sums[i] = before;
             before += own;
         }
+        if (counts)
+            blockSums.w[block] = before;
     }
     barrier();
+    if (counts)
+        return;
     uint unit = sums[me];
     for (uint t = first; t < last; ++t) {
         const Source s = readSource(t);
