@@ -196,15 +196,20 @@ void addObjects(std::vector<CommandCase> &cases)
                          side.vk.CreateQueryPool(side.device, &info, nullptr, &pool);
                          side.vk.DestroyQueryPool(side.device, pool, nullptr);
                      })});
-    cases.push_back({"vkCreate/DestroyAccelerationStructureKHR", times([](Side side, Commands, Count) {
-                         auto info = vkInit<VkAccelerationStructureCreateInfoKHR>(
-                             {.buffer = side.storage.buffer,
-                              .size = 16384,
-                              .type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR});
-                         VkAccelerationStructureKHR made = VK_NULL_HANDLE;
-                         side.vk.CreateAccelerationStructureKHR(side.device, &info, nullptr, &made);
-                         side.vk.DestroyAccelerationStructureKHR(side.device, made, nullptr);
-                     })});
+    const auto structureAt = [](VkDeviceSize offset) {
+        return times([offset](Side side, Commands, Count) {
+            auto info =
+                vkInit<VkAccelerationStructureCreateInfoKHR>({.buffer = side.storage.buffer,
+                                                              .offset = offset,
+                                                              .size = 16384,
+                                                              .type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR});
+            VkAccelerationStructureKHR made = VK_NULL_HANDLE;
+            side.vk.CreateAccelerationStructureKHR(side.device, &info, nullptr, &made);
+            side.vk.DestroyAccelerationStructureKHR(side.device, made, nullptr);
+        });
+    };
+    cases.push_back({"vkCreate/DestroyAccelerationStructureKHR", structureAt(32768)});
+    cases.push_back({"vkCreate/DestroyAccelerationStructureKHR, where another is", structureAt(0)});
     cases.push_back({"vkGetAccelerationStructureDeviceAddressKHR", times([](Side side, Commands, Count) {
                          const auto info = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>(
                              {.accelerationStructure = side.structure});
