@@ -37,11 +37,12 @@ render::RenderScene smallestScene()
     return render::prepareScene(std::move(scene), 1);
 }
 
-// A first build of a micromap: of one triangle, of level 4.
-void buildMicromap(gpu::Device &device, VkBuildMicromapFlagsEXT flags)
+// A first build of a micromap: of one triangle, of level 4. `behind`: bytes in the buffer of the data after it.
+void buildMicromap(gpu::Device &device, VkBuildMicromapFlagsEXT flags, size_t behind = 0)
 {
     gpu::MicromapInput input;
     input.add(4, VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT, std::vector<uint8_t>(256, 1));
+    input.data.resize(input.data.size() + behind);
     gpu::Micromap(device, std::move(input), flags).build();
 }
 
@@ -69,6 +70,8 @@ void run(const gpu::DeviceInfo &off, const gpu::DeviceInfo &on, unsigned repetit
     std::vector<Step> steps = {
         {"the device alone", [](gpu::Device &) {}},
         {"and a first micromap build", [](gpu::Device &device) { buildMicromap(device, 0); }, true},
+        {"and a first micromap build, of data in a larger buffer",
+         [](gpu::Device &device) { buildMicromap(device, 0, 4096); }, true},
         {"and a first micromap build with ALLOW_COMPACTION",
          [](gpu::Device &device) { buildMicromap(device, VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT); }, true},
         {"and a first build of a structure",

@@ -158,7 +158,12 @@ Guarded::Guarded(Device &gpu, VkDeviceSize size, VkDeviceSize alignment, VkBuffe
         return;
     }
     if (gpu.options().memory == Memory::DeviceLocal) {
-        own_ = Buffer(gpu, size + alignment, usage | VK_BUFFER_USAGE_TRANSFER_DST_BIT, Buffer::Place::Device);
+        const auto create = [&](VkDeviceSize bytes) {
+            own_ = Buffer(gpu, bytes, usage | VK_BUFFER_USAGE_TRANSFER_DST_BIT, Buffer::Place::Device);
+        };
+        create(last && size > 0 ? size : size + alignment);
+        if (own_.size() == size && own_.address() % alignment != 0)
+            create(size + alignment);
         place_.offset = alignUp(own_.address(), alignment) - own_.address();
         return;
     }
