@@ -260,7 +260,7 @@ void BindingTable::trace(VkCommandBuffer commands, uint32_t width, uint32_t heig
     gpu_.vk().CmdTraceRaysKHR(commands, &raygen, &miss, &hit, &callable, width, height, depth);
 }
 
-Buffer BindingTable::place(Device &gpu, VkDeviceSize bytes)
+Buffer BindingTable::bufferForCopies(Device &gpu, VkDeviceSize bytes)
 {
     return Buffer(gpu, bytes,
                   VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
@@ -271,20 +271,20 @@ Buffer BindingTable::place(Device &gpu, VkDeviceSize bytes)
 BindingTable::Regions BindingTable::regions() const
 {
     Regions all{raygen, miss, hit, callable};
-    if (place_ == nullptr)
+    if (copy_ == nullptr)
         return all;
     const VkDeviceAddress from = buffer_.address() + startOf(buffer_, alignment_);
-    const VkDeviceAddress to = place_->address() + startOf(*place_, alignment_);
+    const VkDeviceAddress to = copy_->address() + startOf(*copy_, alignment_);
     for (VkStridedDeviceAddressRegionKHR *region : {&all.raygen, &all.miss, &all.hit, &all.callable})
         if (region->deviceAddress != 0)
             region->deviceAddress += to - from;
     return all;
 }
 
-void BindingTable::prepare(const LaunchPlan &launch, uint32_t rays, const Buffer *place)
+void BindingTable::prepare(const LaunchPlan &launch, uint32_t rays, const Buffer *copy)
 {
     launch_ = launch;
-    place_ = place;
+    copy_ = copy;
     const uint32_t rows = launch.height * launch.depth;
     width_ = (rays + rows - 1) / rows;
     const auto upload = [&](const auto &command) {
@@ -305,13 +305,13 @@ void BindingTable::prepare(const LaunchPlan &launch, uint32_t rays, const Buffer
 
 void BindingTable::trace(VkCommandBuffer commands) const
 {
-    if (place_ != nullptr) {
-        const VkDeviceSize from = startOf(buffer_, alignment_), to = startOf(*place_, alignment_);
+    if (copy_ != nullptr) {
+        const VkDeviceSize from = startOf(buffer_, alignment_), to = startOf(*copy_, alignment_);
         const VkBufferCopy all{from, to, buffer_.size() - alignment_};
         // The traces before have read what is overwritten.
         vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_RAY_TRACING_SHADER_BIT_KHR, VK_PIPELINE_STAGE_TRANSFER_BIT, 0,
                              0, nullptr, 0, nullptr, 0, nullptr);
-        vkCmdCopyBuffer(commands, buffer_.handle(), place_->handle(), 1, &all);
+        vkCmdCopyBuffer(commands, buffer_.handle(), copy_->handle(), 1, &all);
         // Of this buffer alone, where that can be said.
         const auto written =
             vkInit<VkBufferMemoryBarrier2>({.srcStageMask = VK_PIPELINE_STAGE_2_TRANSFER_BIT,
@@ -320,7 +320,7 @@ void BindingTable::trace(VkCommandBuffer commands) const
                                             .dstAccessMask = VK_ACCESS_2_SHADER_READ_BIT,
                                             .srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
                                             .dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
-                                            .buffer = place_->handle(),
+                                            .buffer = copy_->handle(),
                                             .size = VK_WHOLE_SIZE});
         const auto dependency =
             vkInit<VkDependencyInfo>({.bufferMemoryBarrierCount = 1, .pBufferMemoryBarriers = &written});

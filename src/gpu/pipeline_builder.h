@@ -141,12 +141,12 @@ class BindingTable
 public:
     BindingTable(Device &gpu, const RayPipeline &pipeline, const BindingRecords &records);
     void trace(VkCommandBuffer commands, uint32_t width, uint32_t height = 1, uint32_t depth = 1) const;
-    // Prepares a trace of at least that many rays. place: the table is copied to that buffer (place()) before, and
-    // traced with there.
-    void prepare(const LaunchPlan &launch, uint32_t rays, const Buffer *place = nullptr);
+    // Prepares a trace of at least that many rays. copy: a buffer (bufferForCopies) to which the trace copies the table
+    // first, and with which it traces; it exists until the trace is recorded.
+    void prepare(const LaunchPlan &launch, uint32_t rays, const Buffer *copy = nullptr);
     void trace(VkCommandBuffer commands) const;
-    // A buffer for the tables of that many bytes() or fewer.
-    static Buffer place(Device &gpu, VkDeviceSize bytes);
+    // A buffer for copies of tables of at most that many bytes().
+    static Buffer bufferForCopies(Device &gpu, VkDeviceSize bytes);
     [[nodiscard]] VkDeviceSize bytes() const { return buffer_.size(); }
 
     VkStridedDeviceAddressRegionKHR raygen{}, miss{}, hit{}, callable{};
@@ -155,13 +155,13 @@ private:
     struct Regions {
         VkStridedDeviceAddressRegionKHR raygen, miss, hit, callable;
     };
-    // The regions, in place_ if there is one.
+    // The regions, in copy_ if there is one.
     [[nodiscard]] Regions regions() const;
 
     Device &gpu_;
     VkDeviceSize alignment_ = 0; // of the buffer's content
     Buffer buffer_;
-    const Buffer *place_ = nullptr;
+    const Buffer *copy_ = nullptr;
     LaunchPlan launch_;
     uint32_t width_ = 0;
     Buffer command_; // of an indirect trace

@@ -217,7 +217,8 @@ uint32_t PipelineTracer::stackSize() const
     return static_cast<uint32_t>(size + std::max({closestHit, miss, intersection + anyHit}));
 }
 
-void PipelineTracer::prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity)
+void PipelineTracer::prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity,
+                             const Buffer *tableCopy)
 {
     const size_t count = std::max<size_t>(rays.size(), 1);
     rays_ = gpu_.upload(rays, kStorageWithAddress);
@@ -229,7 +230,7 @@ void PipelineTracer::prepare(const Structure &scene, std::span<const Ray> rays, 
     push_.rayCount = static_cast<uint32_t>(rays.size());
     push_.capacity = capacity;
     push_.scene = scene.address();
-    table_->prepare(launch_, push_.rayCount, place_);
+    table_->prepare(launch_, push_.rayCount, tableCopy);
     resources_.write(scene.handle(), buffers());
 }
 

@@ -118,11 +118,10 @@ public:
     void setLaunch(const LaunchPlan &launch) { launch_ = launch; }
     // Traces with that table from now on.
     void setTable(const TracerTable &table);
-    // Traces with the table in that buffer from now on (BindingTable::prepare); null: in its own.
-    void setPlace(const Buffer *place) { place_ = place; }
 
-    // Traces in steps.
-    void prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
+    // Traces in steps. tableCopy: BindingTable::prepare
+    void prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8,
+                 const Buffer *tableCopy = nullptr);
     void bind(VkCommandBuffer commands, bool maintenance6 = false) const; // as that of Tracer
     void dispatch(VkCommandBuffer commands) const;
     [[nodiscard]] std::vector<PipelineResult> results() const;
@@ -166,7 +165,6 @@ private:
     LaunchPlan launch_;
     std::optional<TracerTable> content_; // of table_
     std::unique_ptr<BindingTable> table_;
-    const Buffer *place_ = nullptr; // of the table
     Buffer rays_, results_, candidates_, notes_, visits_, mores_;
     Push push_{};
 };

@@ -65,7 +65,7 @@ bool contains(const std::vector<NumberRange> &ranges, uint32_t number)
            });
 }
 
-bool Selection::hasMaterial(int index, const std::string &name) const
+bool Selection::hasMaterial(int index, std::string_view name) const
 {
     return materials.empty() || std::any_of(materials.begin(), materials.end(), [&](const std::string &wanted) {
                return wanted == name || wanted == std::to_string(index);
@@ -240,8 +240,10 @@ void Inspector::addPrimitive(PrimitivePlace place, const PrimitiveMicromap &micr
     if (!contains(selection_.meshes, place.mesh) || !contains(selection_.primitives, place.primitive))
         return;
     const Primitive source = readPrimitive(document_, place, Positions::Skip);
-    const std::string name = source.material < 0 ? "" : readMaterial(document_, source.material).name;
-    if (!selection_.hasMaterial(source.material, name))
+    const auto &materials = document_.model().materials;
+    const auto material = static_cast<size_t>(source.material);
+    const bool named = source.material >= 0 && material < materials.size();
+    if (!selection_.hasMaterial(source.material, named ? std::string_view(materials[material].name) : ""))
         return;
     if (micromap.indices.size() != source.triangleCount())
         throw Error(utf8Text(document_.path()) + ": " + document_.nameOf(place) + " has " +

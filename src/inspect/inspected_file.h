@@ -39,7 +39,7 @@ struct Selection {
     std::vector<std::string> materials;  // names or numbers
 
     // Returns whether the material is chosen.
-    [[nodiscard]] bool hasMaterial(int index, const std::string &name) const;
+    [[nodiscard]] bool hasMaterial(int index, std::string_view name) const;
     [[nodiscard]] bool everything() const;
 };
 

@@ -41,8 +41,7 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .instancePointers = yes(),
                .geometryPointers = yes(),
                .single = c.steps.empty() && yes(),
-               .conditional = yes(),
-               .inverted = yes(),
+               .conditional = static_cast<Conditional>(below(random, 3)),
                .spareTriangles = below(random, 3),
                .spareInstances = below(random, 3),
                .skippedInstances = below(random, 3)};

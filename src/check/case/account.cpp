@@ -264,9 +264,9 @@ private:
         writeInstances(case_.scene.instances);
         if (case_.build.single)
             line("     All builds and the rays are in one command buffer.");
-        if (case_.build.conditional)
+        if (case_.build.conditional != Conditional::None)
             line("     Builds, copies and queries are within conditional rendering whose predicate is {}{}.",
-                 case_.build.inverted ? "true and inverted" : "false",
+                 case_.build.conditional == Conditional::InvertedTrue ? "true and inverted" : "false",
                  case_.build.single ? "" : ", and so is a dispatch after each build and copy");
         if (case_.build.unrelated)
             line("     Commands that build several objects build an unrelated top level first; that which builds the "

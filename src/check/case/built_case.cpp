@@ -85,7 +85,7 @@ bool queriesCompactedSize(const Case &c, const QueryTarget &target)
 
 BuiltCase::BuiltCase(Device &gpu, const Case &c) : gpu_(gpu), case_(c), scene_(c.scene)
 {
-    if (c.build.conditional) {
+    if (c.build.conditional != Conditional::None) {
         predicate_ = Buffer(gpu, 2 * sizeof(uint32_t), VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
         predicate_.as<uint32_t>()[0] = 1; // the other one is used
         discarded_ = std::make_unique<Marker>(gpu);
@@ -114,9 +114,9 @@ void BuiltCase::buildAll()
 
 void BuiltCase::recordUnder(VkCommandBuffer commands, const Record &record) const
 {
-    if (!case_.build.conditional)
+    if (case_.build.conditional == Conditional::None)
         return record(commands);
-    const bool inverted = case_.build.inverted; // the true one discards
+    const bool inverted = case_.build.conditional == Conditional::InvertedTrue; // the true one discards
     const auto begin = vkInit<VkConditionalRenderingBeginInfoEXT>(
         {.buffer = predicate_.handle(),
          .offset = inverted ? 0 : sizeof(uint32_t),

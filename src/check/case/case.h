@@ -22,6 +22,14 @@ enum class BuildCommand {
     Host,     // vkBuildMicromapsEXT for micromaps, where the device has it
 };
 
+// Conditional rendering that builds, copies and queries are recorded within. It does not affect these commands, but
+// discards a dispatch that follows each build and copy, except before rays.
+enum class Conditional {
+    None,
+    False,        // the predicate is false
+    InvertedTrue, // it is inverted, and the predicate is true
+};
+
 struct BuildPlan {
     BuildCommand micromaps = BuildCommand::Device;
     BuildCommand structures = BuildCommand::Device;
@@ -33,10 +41,7 @@ struct BuildPlan {
     bool instancePointers = false; // the top level reads an array of pointers
     bool geometryPointers = false; // the top level's geometry comes by ppGeometries
     bool single = false;           // everything by one command buffer, with the rays; without steps only
-    // Builds, copies and queries are recorded within conditional rendering whose predicate is false. It does not affect
-    // these commands, but discards a dispatch that follows each build and copy, except before rays.
-    bool conditional = false;
-    bool inverted = false; // it is inverted, and the predicate is true
+    Conditional conditional = Conditional::None;
     // Indirect builds allow that many triangles and instances more than they build: ppMaxPrimitiveCounts.
     uint32_t spareTriangles = 0;
     uint32_t spareInstances = 0;

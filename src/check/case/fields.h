@@ -135,8 +135,7 @@ void ofBuild(Archive &archive, T &build)
     archive.value("instancePointers", build.instancePointers, standard.instancePointers);
     archive.value("geometryPointers", build.geometryPointers, standard.geometryPointers);
     archive.value("single", build.single, standard.single);
-    archive.value("conditional", build.conditional, standard.conditional);
-    archive.value("inverted", build.inverted, standard.inverted);
+    archive.name("conditional", build.conditional, kConditionalNames, standard.conditional);
     archive.value("spareTriangles", build.spareTriangles, standard.spareTriangles);
     archive.value("spareInstances", build.spareInstances, standard.spareInstances);
     archive.value("skippedInstances", build.skippedInstances, standard.skippedInstances);

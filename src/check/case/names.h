@@ -37,6 +37,12 @@ inline constexpr std::array kBuildCommandNames{
     Name<BuildCommand>{BuildCommand::Host, "host"},
 };
 
+inline constexpr std::array kConditionalNames{
+    Name<Conditional>{Conditional::None, "none"},
+    Name<Conditional>{Conditional::False, "false"},
+    Name<Conditional>{Conditional::InvertedTrue, "inverted-true"},
+};
+
 inline constexpr std::array kStepNames{
     Name<Step::Kind>{Step::Kind::CloneObject, "clone-object"},
     Name<Step::Kind>{Step::Kind::CompactObject, "compact-object"},

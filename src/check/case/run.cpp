@@ -91,7 +91,7 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
         return "micromapHostCommands is not supported";
     if (std::ranges::any_of(c.steps, &Step::host) && !gpu.hasMicromapHostCommands())
         return "micromapHostCommands is not supported";
-    if (c.build.conditional && !gpu.has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
+    if (c.build.conditional != Conditional::None && !gpu.has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
         return "VK_EXT_conditional_rendering is not supported";
     if (c.build.structures == BuildCommand::Indirect && !gpu.hasIndirectBuilds())
         return "accelerationStructureIndirectBuild is not supported";

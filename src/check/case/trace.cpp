@@ -125,13 +125,12 @@ private:
         return isConstant() || plan_.flags == TracePlan::Flags::Mixed ? rays[0].flags : 0;
     }
 
+    // Traces by tracers that are prepared.
     template <class Traces>
-    void run(std::span<Traces *const> tracers, const Structure &top, std::span<const Ray> rays, const Record &beside)
+    void run(std::span<Traces *const> tracers, const Record &beside)
     {
-        for (Traces *const tracer : tracers) {
-            tracer->prepare(top, rays, oracle::kCapacity);
+        for (Traces *const tracer : tracers)
             tracer->clearResults();
-        }
         const auto bind = [&](VkCommandBuffer commands, const Traces &tracer) {
             tracer.bind(commands, plan_.maintenance6);
             if constexpr (std::is_same_v<Traces, PipelineTracer>) {
@@ -164,8 +163,9 @@ private:
         std::unique_ptr<Tracer> &tracer = queries_[key(rays)];
         if (!tracer)
             tracer = queryTracer(gpu_, plan_, key(rays));
+        tracer->prepare(top, rays, oracle::kCapacity);
         Tracer *const one = tracer.get();
-        run(std::span(&one, 1), top, rays, beside);
+        run(std::span(&one, 1), beside);
         const std::vector<Result> results = tracer->results();
         for (size_t i = 0; i < results.size(); ++i)
             check(i, [&](const std::vector<Hit> &hits) { return queryFault(scene, rays[i], hits, results[i]); });
@@ -198,17 +198,17 @@ private:
         return *tracers[trace.table];
     }
 
-    // TracePlan::tablesInPlace: a buffer for each pipeline.
-    std::vector<Buffer> placesOfTables(std::span<const PipelineTrace> traces,
-                                       std::span<PipelineTracer *const> tracers) const
+    // TracePlan::tablesInPlace: a buffer for each pipeline, for the copies of its tables.
+    std::vector<Buffer> buffersForTables(std::span<const PipelineTrace> traces,
+                                         std::span<PipelineTracer *const> tracers) const
     {
         std::vector<VkDeviceSize> bytes(plan_.tablesInPlace ? pipelines_.size() : 0);
         for (size_t k = 0; !bytes.empty() && k < traces.size(); ++k)
             bytes[traces[k].pipeline] = std::max(bytes[traces[k].pipeline], tracers[k]->table().bytes());
-        std::vector<Buffer> places;
+        std::vector<Buffer> buffers;
         for (const VkDeviceSize size : bytes)
-            places.push_back(BindingTable::place(gpu_, std::max<VkDeviceSize>(size, 4)));
-        return places;
+            buffers.push_back(BindingTable::bufferForCopies(gpu_, std::max<VkDeviceSize>(size, 4)));
+        return buffers;
     }
 
     template <class Check>
@@ -233,10 +233,11 @@ private:
             tracer.setTable(oracle::tableOf(scene, trace.by));
             tracer.setLaunch(plan_.launch);
         }
-        const std::vector<Buffer> places = placesOfTables(traces, tracers);
+        const std::vector<Buffer> copies = buffersForTables(traces, tracers);
         for (size_t k = 0; k < traces.size(); ++k)
-            tracers[k]->setPlace(plan_.tablesInPlace ? &places[traces[k].pipeline] : nullptr);
-        run(std::span<PipelineTracer *const>(tracers), top, rays, beside);
+            tracers[k]->prepare(top, rays, oracle::kCapacity,
+                                plan_.tablesInPlace ? &copies[traces[k].pipeline] : nullptr);
+        run(std::span<PipelineTracer *const>(tracers), beside);
         const oracle::Tolerance tolerance = oracle::toleranceFor(gpu_);
         for (size_t k = 0; k < traces.size(); ++k) {
             const std::vector<PipelineResult> results = tracers[k]->results();

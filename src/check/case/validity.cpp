@@ -605,12 +605,20 @@ void checkPlans(const Case &c)
     rule((c.build.micromaps != BuildCommand::Host && std::ranges::none_of(c.steps, &Step::host)) ||
              std::ranges::all_of(c.scene.micromaps, &oracle::SceneMicromap::onHost),
          "scene.micromaps", "lack sizes for builds on the host");
+    rule(isNamed(kConditionalNames, c.build.conditional), "build.conditional", "no such predicate");
     rule(c.build.threads >= 1 && c.build.threads <= kMostThreads, "build.threads", "{} is not 1 to {}", c.build.threads,
          kMostThreads);
+    const auto haveRecords = [](const std::vector<oracle::Instance> &instances) {
+        return std::ranges::all_of(instances, [](const oracle::Instance &i) { return i.record.has_value(); });
+    };
     rule(c.trace.method == TracePlan::Method::Query ||
              std::ranges::all_of(c.scene.objects,
-                                 [](const oracle::Object &o) { return o.meshes.size() <= oracle::kMostGeometries; }),
-         "trace.method", "an object has more than {} meshes, for which there are no hit records",
+                                 [](const oracle::Object &o) { return o.meshes.size() <= oracle::kMostGeometries; }) ||
+             (haveRecords(c.scene.instances) &&
+              std::ranges::all_of(c.steps, [&](const Step &step) { return haveRecords(step.instances); })),
+         "trace.method",
+         "an object has more than {} meshes, for which there are no hit records, and an instance has no record of its "
+         "own",
          oracle::kMostGeometries);
     rule(c.steps.size() <= kMostSteps, "steps", "are {}, not at most {}", c.steps.size(), kMostSteps);
     rule(c.queries.size() <= kMostQueryPlans, "queries", "are {}, not at most {}", c.queries.size(), kMostQueryPlans);

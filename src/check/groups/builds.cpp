@@ -208,8 +208,8 @@ Case state(Random &random, const DeviceLimits &limits)
 {
     using Kind = Step::Kind;
     Case c{.scene = makeScene(random, smallScene(limits), limits)};
-    c.build.conditional = chance(random, 50) && !limits.has(Fault::ConditionalBuilds);
-    c.build.inverted = c.build.conditional && chance(random, 50);
+    if (!limits.has(Fault::ConditionalBuilds) && chance(random, 50))
+        c.build.conditional = chance(random, 50) ? Conditional::InvertedTrue : Conditional::False;
     c.build.single = chance(random, 60);
     c.trace.boundFirst = true;
     c.trace.secondary = chance(random, 30);

@@ -21,13 +21,18 @@ T oneOf(Random &random, const std::array<T, N> &values)
     return values[below(random, N)];
 }
 
-// A small scene, traced by a pipeline.
-Case pipelineCase(Random &random, const DeviceLimits &limits, uint32_t rays, bool micromaps = true)
+// A small scene for pipelines.
+Limits pipelineScene(const DeviceLimits &limits, uint32_t rays)
 {
     Limits scene = smallScene(limits);
     scene.rays = rays;
-    scene.micromaps = micromaps;
     scene.boxes = 35;
+    return scene;
+}
+
+// A scene of these limits, traced by a pipeline.
+Case pipelineCase(Random &random, const DeviceLimits &limits, const Limits &scene)
+{
     Case c{.scene = makeScene(random, scene, limits), .trace = {.method = TracePlan::Method::Pipeline}};
     terminateSome(random, c.scene);
     for (Ray &ray : c.scene.rays)
@@ -160,9 +165,10 @@ TablePlan randomTable(Random &random, const PipelinePlan &pipeline)
 // Libraries in every arrangement.
 Case pipelineLibraries(Random &random, const DeviceLimits &limits)
 {
-    const bool micromaps = !chance(random, 15);
-    Case c = pipelineCase(random, limits, 48, micromaps);
-    c.trace.withoutMicromaps = !micromaps && chance(random, 80);
+    Limits scene = pipelineScene(limits, 48);
+    scene.micromaps = !chance(random, 15);
+    Case c = pipelineCase(random, limits, scene);
+    c.trace.withoutMicromaps = !scene.micromaps && chance(random, 80);
     c.trace.from = chance(random, 25) ? randomFrom(random) : From::RayGeneration;
     c.trace.inlineModules = chance(random, 30);
     c.trace.flags2 = chance(random, 30);
@@ -178,8 +184,9 @@ Case pipelineLibraries(Random &random, const DeviceLimits &limits)
 // Ray tracing pipelines created by other commands and from libraries.
 Case pipelinePlans(Random &random, const DeviceLimits &limits)
 {
-    const bool micromaps = !chance(random, 20);
-    Case c = pipelineCase(random, limits, 64, micromaps);
+    Limits scene = pipelineScene(limits, 64);
+    scene.micromaps = !chance(random, 20);
+    Case c = pipelineCase(random, limits, scene);
     c.trace.byAddress = chance(random, 30);
     c.trace.inlineModules = chance(random, 30);
     c.trace.dynamicStackSize = chance(random, 20);
@@ -189,7 +196,7 @@ Case pipelinePlans(Random &random, const DeviceLimits &limits)
     c.trace.creation = randomCreation(random);
     c.trace.launch = randomLaunch(random);
     c.trace.callables = c.trace.from == From::RayGeneration && !c.trace.byAddress && chance(random, 30);
-    c.trace.withoutMicromaps = !micromaps && chance(random, 70);
+    c.trace.withoutMicromaps = !scene.micromaps && chance(random, 70);
     c.trace.pipeline.flags = randomFlags(random, c, true);
     c.trace.pipeline.table = randomTable(random, c.trace.pipeline);
     return c;
@@ -198,7 +205,7 @@ Case pipelinePlans(Random &random, const DeviceLimits &limits)
 // Tables, of which shaders read their records.
 Case bindingTables(Random &random, const DeviceLimits &limits)
 {
-    Case c = pipelineCase(random, limits, 96);
+    Case c = pipelineCase(random, limits, pipelineScene(limits, 96));
     PipelinePlan &pipeline = c.trace.pipeline;
     pipeline.parameters = randomParameters(random);
     c.trace.from = chance(random, 15) ? From::Miss : From::RayGeneration;
@@ -241,14 +248,12 @@ Case bindingTables(Random &random, const DeviceLimits &limits)
 // Ray flags, and the other parameters of traceRayEXT, from everywhere.
 Case pipelineRayFlags(Random &random, const DeviceLimits &limits)
 {
-    Case c = pipelineCase(random, limits, 64);
+    Limits scene = pipelineScene(limits, 64);
     if (chance(random, 15)) { // many geometries of boxes, of which some are opaque
-        Limits boxes = smallScene(limits);
-        boxes.rays = 64;
-        boxes.boxes = 100;
-        boxes.meshes = 32;
-        c.scene = makeScene(random, boxes, limits);
+        scene.boxes = 100;
+        scene.meshes = 32;
     }
+    Case c = pipelineCase(random, limits, scene);
     c.trace.byAddress = chance(random, 30);
     c.trace.signedFlags = chance(random, 20);
     c.trace.from = randomFrom(random);
@@ -259,9 +264,7 @@ Case pipelineRayFlags(Random &random, const DeviceLimits &limits)
     c.trace.flags =
         oneOf(random, std::array{Flags::RunTime, Flags::Specialized, Flags::Literal, Flags::Mixed, Flags::Computed});
     if (c.trace.flags == Flags::Specialized || c.trace.flags == Flags::Literal) {
-        const uint32_t flags = constantFlags(random, c.scene.rays[0]);
-        for (Ray &ray : c.scene.rays)
-            ray.flags = flags;
+        setConstantFlags(random, c.scene);
     } else if (c.trace.flags == Flags::Mixed) {
         for (Ray &ray : c.scene.rays)
             ray.flags = chance(random, 60) ? c.scene.rays[0].flags : ray.flags;
@@ -272,7 +275,7 @@ Case pipelineRayFlags(Random &random, const DeviceLimits &limits)
 // Several pipelines and tables at a time.
 Case severalPipelines(Random &random, const DeviceLimits &limits)
 {
-    Case c = pipelineCase(random, limits, 32);
+    Case c = pipelineCase(random, limits, pipelineScene(limits, 32));
     c.trace.from = chance(random, 20) ? randomFrom(random) : From::RayGeneration;
     c.trace.tablesInPlace = chance(random, 40);
     c.trace.maintenance6 = limits.maintenance6 && chance(random, 20);
@@ -310,7 +313,7 @@ Case severalPipelines(Random &random, const DeviceLimits &limits)
 // Rays whose number and tables are read by the device.
 Case indirectTraces(Random &random, const DeviceLimits &limits)
 {
-    Case c = pipelineCase(random, limits, 160);
+    Case c = pipelineCase(random, limits, pipelineScene(limits, 160));
     c.trace.secondary = chance(random, 30);
     c.trace.launch = randomLaunch(random, chance(random, 50) ? Launch::Indirect : Launch::Indirect2);
     c.trace.pipeline.parameters = randomParameters(random);

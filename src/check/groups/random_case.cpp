@@ -375,20 +375,20 @@ void allowUpdates(Case &c)
     }
 }
 
-uint32_t constantFlags(Random &random, const Ray &ray)
+void setConstantFlags(Random &random, oracle::Scene &scene)
 {
     constexpr std::array kOpacity{0u, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque};
     constexpr uint32_t kAny = kRayOpaque | kRayNoOpaque | kRayCullOpaque | kRayCullNoOpaque;
-    return (ray.flags & ~kAny) | kOpacity[below(random, kOpacity.size())] |
-           (chance(random, 40) ? kRayForceTwoState : 0);
+    const uint32_t flags = (scene.rays[0].flags & ~kAny) | kOpacity[below(random, kOpacity.size())] |
+                           (chance(random, 40) ? kRayForceTwoState : 0);
+    for (Ray &ray : scene.rays)
+        ray.flags = flags;
 }
 
 void fixFlags(Random &random, Case &c)
 {
     c.trace.flags = chance(random, 50) ? TracePlan::Flags::Specialized : TracePlan::Flags::Literal;
-    const uint32_t flags = constantFlags(random, c.scene.rays[0]);
-    for (Ray &ray : c.scene.rays)
-        ray.flags = flags;
+    setConstantFlags(random, c.scene);
 }
 
 void terminateSome(Random &random, oracle::Scene &scene)

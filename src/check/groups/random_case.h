@@ -72,9 +72,9 @@ void addSteps(Random &random, Case &c, std::span<const Step::Kind> kinds, uint32
 // Lets objects be updated in more than the data of their micromaps, if a step does that.
 void allowUpdates(Case &c);
 
-// Flags like those of the ray, each of those of opacity as likely as the others.
-uint32_t constantFlags(Random &random, const Ray &ray);
-// All rays have the same flags, which the shader knows.
+// All rays get the flags of the first one with other flags of opacity, each as likely as the others.
+void setConstantFlags(Random &random, oracle::Scene &scene);
+// As above, and the shader knows them.
 void fixFlags(Random &random, Case &c);
 // Some candidates end their rays.
 void terminateSome(Random &random, oracle::Scene &scene);

@@ -407,8 +407,11 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.build.instancePointers = false; },
         [](Case &c) { c.build.geometryPointers = false; },
         [](Case &c) { c.build.single = false; },
-        [](Case &c) { c.build.conditional = c.build.inverted = false; },
-        [](Case &c) { c.build.inverted = false; },
+        [](Case &c) { c.build.conditional = Conditional::None; },
+        [](Case &c) {
+            if (c.build.conditional != Conditional::None)
+                c.build.conditional = Conditional::False;
+        },
         [](Case &c) { c.build.spareTriangles = 0; },
         [](Case &c) { c.build.spareInstances = 0; },
         [](Case &c) { c.build.skippedInstances = 0; },
