@@ -222,9 +222,16 @@ void Guarded::write(VkDeviceSize offset, const void *content, size_t size)
         own_.write(place_.offset + offset, content, size);
 }
 
+void Guarded::alias(Device &gpu, VkBufferUsageFlags usage)
+{
+    if (whole().memory() != VK_NULL_HANDLE)
+        alias_ = Buffer(gpu, whole(), place_.offset, std::max<VkDeviceSize>(size_ / 2, 1), usage);
+}
+
 void Guarded::swap(Guarded &other) noexcept
 {
     std::swap(own_, other.own_);
+    std::swap(alias_, other.alias_);
     std::swap(arena_, other.arena_);
     std::swap(place_, other.place_);
     std::swap(size_, other.size_);

@@ -105,6 +105,8 @@ public:
         return whole().bytes() != nullptr ? whole().bytes() + place_.offset : nullptr;
     }
     void write(VkDeviceSize offset, const void *content, size_t size);
+    // Makes a second buffer, in the same memory, which has about the first half of the piece.
+    void alias(Device &gpu, VkBufferUsageFlags usage);
     [[nodiscard]] VkDeviceMemory memory() const { return whole().memory(); }
     [[nodiscard]] Arena::Range range() const { return {address(), size_}; }
     // Expects what Arena::expectConsistent does, where memory is packed.
@@ -121,7 +123,7 @@ private:
     void swap(Guarded &other) noexcept;
     [[nodiscard]] const Buffer &whole() const { return arena_ != nullptr ? *place_.buffer : own_; }
 
-    Buffer own_;
+    Buffer own_, alias_;
     Arena *arena_ = nullptr;
     Arena::Place place_;
     VkDeviceSize size_ = 0;

@@ -34,6 +34,18 @@ Buffer::Buffer(Device &gpu, VkDeviceSize size, VkBufferUsageFlags usage, Place p
         address_ = gpu.address(buffer_);
 }
 
+Buffer::Buffer(Device &gpu, const Buffer &other, VkDeviceSize offset, VkDeviceSize size, VkBufferUsageFlags usage)
+    : gpu_(&gpu), size_(size)
+{
+    const auto info = vkInit<VkBufferCreateInfo>({.size = size, .usage = usage});
+    CHECK_VK(vkCreateBuffer(gpu.device(), &info, nullptr, &buffer_));
+    VkMemoryRequirements needs;
+    vkGetBufferMemoryRequirements(gpu.device(), buffer_, &needs);
+    CHECK_VK(vkBindBufferMemory(gpu.device(), buffer_, other.memory(), offset / needs.alignment * needs.alignment));
+    if ((usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0)
+        address_ = gpu.address(buffer_);
+}
+
 Buffer::~Buffer()
 {
     if (gpu_ == nullptr)

@@ -417,11 +417,16 @@ VkCommandBuffer Device::begin(VkCommandBufferUsageFlags usage, VkCommandBufferLe
         vkInit<VkCommandBufferAllocateInfo>({.commandPool = pool_, .level = level, .commandBufferCount = 1});
     VkCommandBuffer commands = VK_NULL_HANDLE;
     CHECK_VK(vkAllocateCommandBuffers(device_, &allocation, &commands));
+    beginAgain(commands, usage);
+    return commands;
+}
+
+void Device::beginAgain(VkCommandBuffer commands, VkCommandBufferUsageFlags usage)
+{
     auto info = vkInit<VkCommandBufferBeginInfo>({.flags = usage});
     auto inheritance = vkInit<VkCommandBufferInheritanceInfo>();
     info.pInheritanceInfo = &inheritance; // ignored for primary ones
     CHECK_VK(vkBeginCommandBuffer(commands, &info));
-    return commands;
 }
 
 void Device::end(VkCommandBuffer commands)
@@ -431,29 +436,43 @@ void Device::end(VkCommandBuffer commands)
 
 void Device::execute(VkCommandBuffer commands)
 {
-    auto submission = vkInit<VkSubmitInfo>({.commandBufferCount = 1, .pCommandBuffers = &commands});
+    std::vector<VkCommandBuffer> all = std::exchange(before_, {});
+    all.push_back(commands);
+    auto submission =
+        vkInit<VkSubmitInfo>({.commandBufferCount = static_cast<uint32_t>(all.size()), .pCommandBuffers = all.data()});
     CHECK_VK(vkQueueSubmit(queue_, 1, &submission, VK_NULL_HANDLE));
     CHECK_VK(vkQueueWaitIdle(queue_));
+    all.pop_back();
+    if (!all.empty())
+        vkFreeCommandBuffers(device_, pool_, static_cast<uint32_t>(all.size()), all.data());
 }
 
-void Device::submit(const std::function<void(VkCommandBuffer)> &record, bool secondary, uint32_t times)
+void Device::submit(const std::function<void(VkCommandBuffer)> &record, const Submission &submission)
 {
     const VkCommandBufferUsageFlags usage =
-        times == 1 ? VkCommandBufferUsageFlags{VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT} : 0;
+        submission.times == 1 ? VkCommandBufferUsageFlags{VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT} : 0;
+    const auto recordInto = [&](VkCommandBuffer to) {
+        record(to);
+        if (submission.rerecorded) {
+            end(to);
+            beginAgain(to, usage);
+            record(to);
+        }
+    };
     VkCommandBuffer commands = begin(usage), inner = VK_NULL_HANDLE;
-    if (secondary) {
+    if (submission.secondary) {
         inner = begin(usage, VK_COMMAND_BUFFER_LEVEL_SECONDARY);
-        record(inner);
+        recordInto(inner);
         end(inner);
         vkCmdExecuteCommands(commands, 1, &inner);
     } else {
-        record(commands);
+        recordInto(commands);
     }
     end(commands);
-    for (uint32_t i = 0; i < times; ++i)
+    for (uint32_t i = 0; i < submission.times; ++i)
         execute(commands);
     vkFreeCommandBuffers(device_, pool_, 1, &commands);
-    if (secondary)
+    if (submission.secondary)
         vkFreeCommandBuffers(device_, pool_, 1, &inner);
 }
 

@@ -152,6 +152,9 @@ public:
     Buffer() = default;
     // Host: filled with zeros.
     Buffer(Device &gpu, VkDeviceSize size, VkBufferUsageFlags usage, Place place = Place::Host);
+    // A buffer in the memory of another one, which outlives it: that many bytes from about the offset on, which is
+    // rounded down as the device demands.
+    Buffer(Device &gpu, const Buffer &other, VkDeviceSize offset, VkDeviceSize size, VkBufferUsageFlags usage);
     Buffer(Buffer &&other) noexcept { swap(other); }
     Buffer &operator=(Buffer &&other) noexcept
     {
@@ -213,6 +216,12 @@ private:
     Device *gpu_ = nullptr;
     VkQueryType type_{};
     VkQueryPool pool_ = VK_NULL_HANDLE;
+};
+
+struct Submission {
+    bool secondary = false;  // in a secondary command buffer
+    uint32_t times = 1;      // that it is submitted
+    bool rerecorded = false; // it is recorded twice
 };
 
 class Device
@@ -315,8 +324,10 @@ public:
     void end(VkCommandBuffer commands);
     // Submits and waits.
     void execute(VkCommandBuffer commands);
-    // begin, record, end, execute. secondary: in a secondary command buffer. times: that it is submitted
-    void submit(const std::function<void(VkCommandBuffer)> &record, bool secondary = false, uint32_t times = 1);
+    // The next command buffer that is executed is submitted together with these, which precede it and are then freed.
+    void executeBefore(std::span<const VkCommandBuffer> commands) { before_.assign(commands.begin(), commands.end()); }
+    // begin, record, end, execute.
+    void submit(const std::function<void(VkCommandBuffer)> &record, const Submission &submission = {});
     // Names what follows in capture tools: VkDebugUtilsLabelEXT.
     void insertLabel(const std::string &text) const;
     VkShaderModule shader(std::span<const uint32_t> words) const;
@@ -346,6 +357,7 @@ public:
     std::vector<std::string> takeFaults();
 
 private:
+    void beginAgain(VkCommandBuffer commands, VkCommandBufferUsageFlags usage);
     Device(std::unique_ptr<Instance> instance, DeviceOptions options);
     Device(const Instance &instance, DeviceOptions options);
     void createDevice();
@@ -363,6 +375,7 @@ private:
     std::unique_ptr<MemoryPool> deviceMemory_;
     std::unique_ptr<Device> twin_;
     VkCommandPool pool_ = VK_NULL_HANDLE;
+    std::vector<VkCommandBuffer> before_;
     std::array<VkPrivateDataSlot, 2> privateData_{};
     std::map<std::type_index, std::shared_ptr<void>> kept_;
     Commands commands_;

@@ -287,20 +287,17 @@ void BindingTable::prepare(const LaunchPlan &launch, uint32_t rays, const Buffer
     copy_ = copy;
     const uint32_t rows = launch.height * launch.depth;
     width_ = (rays + rows - 1) / rows;
-    const auto upload = [&](const auto &command) {
-        std::vector<uint8_t> bytes(size_t{4} * launch.offset + sizeof command, 0x5a);
-        std::memcpy(bytes.data() + size_t{4} * launch.offset, &command, sizeof command);
-        command_ = gpu_.upload(std::span<const uint8_t>(bytes), VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT);
-    };
-    if (launch.command == Launch::Indirect) {
-        upload(VkTraceRaysIndirectCommandKHR{width_, launch.height, launch.depth});
-    } else if (launch.command == Launch::Indirect2) {
-        const Regions r = regions();
-        upload(VkTraceRaysIndirectCommand2KHR{r.raygen.deviceAddress, r.raygen.size, r.miss.deviceAddress, r.miss.size,
-                                              r.miss.stride, r.hit.deviceAddress, r.hit.size, r.hit.stride,
-                                              r.callable.deviceAddress, r.callable.size, r.callable.stride, width_,
-                                              launch.height, launch.depth});
+    if (launch.command != Launch::Indirect2) {
+        command_ = IndirectCommand(gpu_, launch, VkTraceRaysIndirectCommandKHR{width_, launch.height, launch.depth});
+        return;
     }
+    const Regions r = regions();
+    command_ =
+        IndirectCommand(gpu_, launch,
+                        VkTraceRaysIndirectCommand2KHR{r.raygen.deviceAddress, r.raygen.size, r.miss.deviceAddress,
+                                                       r.miss.size, r.miss.stride, r.hit.deviceAddress, r.hit.size,
+                                                       r.hit.stride, r.callable.deviceAddress, r.callable.size,
+                                                       r.callable.stride, width_, launch.height, launch.depth});
 }
 
 void BindingTable::trace(VkCommandBuffer commands) const
@@ -330,14 +327,13 @@ void BindingTable::trace(VkCommandBuffer commands) const
             barrier(commands);
     }
     const Regions r = regions();
-    const VkDeviceAddress command = command_.address() + VkDeviceAddress{4} * launch_.offset;
     if (launch_.command == Launch::Direct)
         gpu_.vk().CmdTraceRaysKHR(commands, &r.raygen, &r.miss, &r.hit, &r.callable, width_, launch_.height,
                                   launch_.depth);
     else if (launch_.command == Launch::Indirect)
-        gpu_.vk().CmdTraceRaysIndirectKHR(commands, &r.raygen, &r.miss, &r.hit, &r.callable, command);
+        gpu_.vk().CmdTraceRaysIndirectKHR(commands, &r.raygen, &r.miss, &r.hit, &r.callable, command_.range().address);
     else
-        gpu_.vk().CmdTraceRaysIndirect2KHR(commands, command);
+        gpu_.vk().CmdTraceRaysIndirect2KHR(commands, command_.range().address);
 }
 
 PipelineResources::PipelineResources(Device &gpu, uint32_t buffers, uint32_t pushSize,

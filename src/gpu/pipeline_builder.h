@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "gpu/device.h"
+#include "gpu/launch_plan.h"
 
 namespace vellum::gpu
 {
@@ -125,17 +125,6 @@ struct BindingRecords {
     TableLayout layout{};
 };
 
-// The commands that trace rays: vkCmdTraceRaysKHR or its indirect forms.
-enum class Launch { Direct, Indirect, Indirect2 };
-
-struct LaunchPlan {
-    Launch command = Launch::Direct;
-    uint32_t height = 1, depth = 1; // the width is what the rays then need
-    uint32_t offset = 0;            // words before the parameters of an indirect command
-
-    bool operator==(const LaunchPlan &) const = default;
-};
-
 class BindingTable
 {
 public:
@@ -164,7 +153,7 @@ private:
     const Buffer *copy_ = nullptr;
     LaunchPlan launch_;
     uint32_t width_ = 0;
-    Buffer command_; // of an indirect trace
+    IndirectCommand command_;
 };
 
 // A descriptor set layout, a pipeline layout with push constants for all ray tracing stages, and a set: binding 0 an

@@ -11,11 +11,20 @@
 #include "shaders/pipeline_decoy_miss.h"
 #include "shaders/pipeline_launcher.h"
 #include "shaders/pipeline_tracer_any_hit.h"
+#include "shaders/pipeline_tracer_array_any_hit.h"
+#include "shaders/pipeline_tracer_array_closest_hit.h"
+#include "shaders/pipeline_tracer_array_intersection.h"
 #include "shaders/pipeline_tracer_callable.h"
 #include "shaders/pipeline_tracer_closest_hit.h"
 #include "shaders/pipeline_tracer_intersection.h"
 #include "shaders/pipeline_tracer_miss.h"
 #include "shaders/pipeline_tracer_raygen.h"
+#include "shaders/pipeline_tracer_scalars_any_hit.h"
+#include "shaders/pipeline_tracer_scalars_closest_hit.h"
+#include "shaders/pipeline_tracer_scalars_intersection.h"
+#include "shaders/pipeline_tracer_wide_any_hit.h"
+#include "shaders/pipeline_tracer_wide_closest_hit.h"
+#include "shaders/pipeline_tracer_wide_intersection.h"
 
 namespace vellum::gpu
 {
@@ -43,6 +52,25 @@ std::vector<uint32_t> recordData(RecordData content, uint32_t first)
     return words;
 }
 
+struct HitModules {
+    std::span<const uint32_t> closestHit, anyHit, intersection;
+};
+
+HitModules hitModules(HitAttributes attributes)
+{
+#define MODULES(name)                                                                                                  \
+    {                                                                                                                  \
+        name##_closest_hit, name##_any_hit, name##_intersection                                                        \
+    }
+    switch (attributes) {
+    case HitAttributes::Scalars: return MODULES(pipeline_tracer_scalars);
+    case HitAttributes::Array: return MODULES(pipeline_tracer_array);
+    case HitAttributes::Wide: return MODULES(pipeline_tracer_wide);
+    default: return MODULES(pipeline_tracer);
+    }
+#undef MODULES
+}
+
 MadePipeline makePipeline(Device &gpu, VkPipelineLayout layout, const PipelineTracerSetup &setup)
 {
     static constexpr std::array<VkSpecializationMapEntry, 4> kEntries{{{0, 0, 4}, {1, 4, 4}, {2, 8, 4}, {3, 12, 4}}};
@@ -51,17 +79,20 @@ MadePipeline makePipeline(Device &gpu, VkPipelineLayout layout, const PipelineTr
     const bool flags = setup.specializedFlags.has_value();
     const VkSpecializationInfo specialization{(flags ? 1u : 0u) + (setup.specializedParameters ? 3u : 0u),
                                               kEntries.data() + (flags ? 0 : 1), sizeof constants, constants.data()};
+    const HitModules modules = hitModules(setup.attributes);
     PipelineSetup pipeline;
+    if (setup.attributes == HitAttributes::Wide)
+        pipeline.attributeSize = 8 * sizeof(float);
     pipeline.stages = {
         {VK_SHADER_STAGE_RAYGEN_BIT_KHR,
          setup.raygen.empty() ? std::span<const uint32_t>(pipeline_tracer_raygen) : setup.raygen},
         {VK_SHADER_STAGE_MISS_BIT_KHR, pipeline_tracer_miss},
-        {VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, pipeline_tracer_closest_hit},
-        {VK_SHADER_STAGE_ANY_HIT_BIT_KHR, pipeline_tracer_any_hit},
-        {VK_SHADER_STAGE_INTERSECTION_BIT_KHR, pipeline_tracer_intersection},
+        {VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, modules.closestHit},
+        {VK_SHADER_STAGE_ANY_HIT_BIT_KHR, modules.anyHit},
+        {VK_SHADER_STAGE_INTERSECTION_BIT_KHR, modules.intersection},
         // For groups without any-hit shader: if two groups share an intersection stage, lavapipe (Mesa 25.0.7) runs the
         // any-hit shader of one of them for both.
-        {VK_SHADER_STAGE_INTERSECTION_BIT_KHR, pipeline_tracer_intersection},
+        {VK_SHADER_STAGE_INTERSECTION_BIT_KHR, modules.intersection},
     };
     if (setup.decoys) {
         pipeline.stages.emplace_back(VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, pipeline_decoy_closest_hit);
@@ -236,7 +267,17 @@ void PipelineTracer::prepare(const Structure &scene, std::span<const Ray> rays, 
 
 void PipelineTracer::bind(VkCommandBuffer commands, bool maintenance6) const
 {
+    bindProgram(commands);
+    bindSet(commands, maintenance6);
+}
+
+void PipelineTracer::bindProgram(VkCommandBuffer commands) const
+{
     vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, pipeline_->pipeline.handle());
+}
+
+void PipelineTracer::bindSet(VkCommandBuffer commands, bool maintenance6) const
+{
     recordBindings(gpu_, commands,
                    {VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, resources_.layout(), resources_.set(),
                     PipelineResources::kStages, std::as_bytes(std::span(&push_, 1)).first(pushSize_)},

@@ -72,6 +72,10 @@ struct MadePipeline {
     std::vector<RayPipeline> libraries{}; // libraries of the pipeline
 };
 
+// The type of hit attributes: a vec2; a structure of two floats; an array of two; a structure of a vec2 and six floats,
+// which shaders of boxes use.
+enum class HitAttributes { Vec2, Scalars, Array, Wide };
+
 struct PipelineTracerSetup {
     std::span<const uint32_t> raygen; // empty: run-time flags
     // If not empty: a closest-hit or miss shader that traces the rays instead, in recursion.
@@ -82,6 +86,7 @@ struct PipelineTracerSetup {
     std::vector<TracerGroup> groups{{}, {.box = true}};
     // Hit records: the group of `groups` that each names, nothing for a zero record. Empty: one for each group.
     std::vector<std::optional<uint32_t>> records;
+    HitAttributes attributes = HitAttributes::Vec2;
     uint32_t sbtOffset = 0, sbtStride = 0, missIndex = 0;
     bool missRecord = true;
     std::optional<VkPipelineCreateFlags> flags; // else the micromap bit, where the device has micromaps enabled
@@ -122,7 +127,10 @@ public:
     // Traces in steps. tableCopy: BindingTable::prepare
     void prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8,
                  const Buffer *tableCopy = nullptr);
-    void bind(VkCommandBuffer commands, bool maintenance6 = false) const; // as that of Tracer
+    // As those of Tracer.
+    void bind(VkCommandBuffer commands, bool maintenance6 = false) const;
+    void bindProgram(VkCommandBuffer commands) const;
+    void bindSet(VkCommandBuffer commands, bool maintenance6 = false) const;
     void dispatch(VkCommandBuffer commands) const;
     [[nodiscard]] std::vector<PipelineResult> results() const;
     void clearResults();

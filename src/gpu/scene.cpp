@@ -57,6 +57,34 @@ std::optional<uint32_t> findData(std::span<const uint8_t> data, std::span<const 
 
 constexpr uint8_t kGarbage = 0x5a; // must not be read
 
+std::shared_ptr<Guarded> inputOf(Device &gpu, BuildInputs *inputs, const void *content, VkDeviceSize size,
+                                 VkBufferUsageFlags usage, VkDeviceSize alignment)
+{
+    return inputs != nullptr ? inputs->upload(content, size, usage, alignment)
+                             : std::make_shared<Guarded>(uploadAligned(gpu, content, size, usage, alignment));
+}
+
+// The geometry as a query of sizes may have it: "any VkDeviceOrHostAddressKHR or VkDeviceOrHostAddressConstKHR members
+// of pBuildInfo are ignored by this command, except that the hostAddress member of
+// VkAccelerationStructureGeometryTrianglesDataKHR::transformData will be examined to check if it is NULL"
+// (vkGetAccelerationStructureBuildSizesKHR).
+VkAccelerationStructureGeometryKHR withoutAddresses(const VkAccelerationStructureGeometryKHR &geometry)
+{
+    constexpr VkDeviceAddress kNone = 0x5a5a5a5a5a5a5a00;
+    VkAccelerationStructureGeometryKHR out = geometry;
+    if (geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR) {
+        VkAccelerationStructureGeometryTrianglesDataKHR &triangles = out.geometry.triangles;
+        triangles.vertexData.deviceAddress = triangles.indexData.deviceAddress = kNone;
+        if (triangles.transformData.hostAddress != nullptr)
+            triangles.transformData.deviceAddress = kNone;
+    } else if (geometry.geometryType == VK_GEOMETRY_TYPE_AABBS_KHR) {
+        out.geometry.aabbs.data.deviceAddress = kNone;
+    } else if (geometry.geometryType == VK_GEOMETRY_TYPE_INSTANCES_KHR) {
+        out.geometry.instances.data.deviceAddress = kNone;
+    }
+    return out;
+}
+
 uint32_t bytesOf(VkIndexType type)
 {
     return type == VK_INDEX_TYPE_UINT32 ? 4 : type == VK_INDEX_TYPE_UINT8_EXT ? 1 : 2;
@@ -160,8 +188,9 @@ std::vector<VkMicromapUsageEXT> MicromapInput::usage(std::span<const int32_t> in
     return toUsage(counts, form);
 }
 
-Micromap::Micromap(Device &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags, SharedScratch *scratch)
-    : gpu_(gpu), input_(std::move(input)), flags_(flags)
+Micromap::Micromap(Device &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags, SharedScratch *scratch,
+                   BuildInputs *inputs)
+    : gpu_(gpu), input_(std::move(input)), flags_(flags), inputs_(inputs)
 {
     describe();
     const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, info_, input_.onHost);
@@ -202,17 +231,17 @@ void Micromap::upload(SharedScratch *scratch, VkDeviceSize scratchSize)
         std::memcpy(strided.data() + i * input_.stride, &input_.triangles[i], sizeof(VkMicromapTriangleEXT));
     const VkBufferUsageFlags usage = micromapInputUsage(gpu_);
     const VkDeviceSize alignment = micromapInputAlignment(gpu_);
-    data_ = uploadAligned(gpu_, input_.data.data(), input_.data.size(), usage, alignment);
-    triangles_ = uploadAligned(gpu_, strided.data(), strided.size(), usage, alignment);
+    data_ = inputOf(gpu_, inputs_, input_.data.data(), input_.data.size(), usage, alignment);
+    triangles_ = inputOf(gpu_, inputs_, strided.data(), strided.size(), usage, alignment);
     scratch_ = scratchOf(gpu_, scratch, scratchSize);
     info_.dstMicromap = handle_.ext;
-    info_.data.deviceAddress = data_.address();
-    info_.triangleArray.deviceAddress = triangles_.address();
+    info_.data.deviceAddress = data_->address();
+    info_.triangleArray.deviceAddress = triangles_->address();
     info_.scratchData.deviceAddress = scratch_->address();
 }
 
 Micromap::Micromap(Device &gpu, const Micromap &like, VkDeviceSize size)
-    : gpu_(gpu), input_(like.input_), flags_(like.flags_)
+    : gpu_(gpu), input_(like.input_), flags_(like.flags_), inputs_(like.inputs_)
 {
     create(size);
 }
@@ -235,7 +264,7 @@ Micromap::~Micromap()
         gpu_.fault("a build wrote beyond its micromap" + storage_.damage());
     if (scratch_ && !scratch_->intact())
         gpu_.fault("a micromap build wrote beyond its scratch memory" + scratch_->damage());
-    if (scratch_ && !(data_.intact() && triangles_.intact()))
+    if (scratch_ && !(data_->intact() && triangles_->intact()))
         gpu_.fault("a micromap build wrote to its input");
     if (handle_.object() != 0)
         gpu_.expectPrivateData(handle_.objectType(), handle_.object());
@@ -255,8 +284,8 @@ void Micromap::build()
 VkMicromapBuildInfoEXT Micromap::hostBuildInfo() const
 {
     VkMicromapBuildInfoEXT info = info_;
-    info.data.hostAddress = data_.bytes();
-    info.triangleArray.hostAddress = triangles_.bytes();
+    info.data.hostAddress = data_->bytes();
+    info.triangleArray.hostAddress = triangles_->bytes();
     info.scratchData.hostAddress = scratch_->bytes();
     return info;
 }
@@ -269,14 +298,14 @@ void Micromap::buildOnHost(bool deferred) const
 
 void Micromap::scribble()
 {
-    for (const Guarded *buffer : {&data_, &triangles_, scratch_.get()})
+    for (const auto &buffer : {data_, triangles_, scratch_})
         std::memset(buffer->bytes(), 0x99, static_cast<size_t>(buffer->size()));
 }
 
 void Micromap::forgetInput()
 {
-    data_ = {};
-    triangles_ = {};
+    data_.reset();
+    triangles_.reset();
     scratch_.reset();
 }
 
@@ -368,16 +397,25 @@ void Structure::prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuild
         info_.ppGeometries = pointers_.data();
     }
     maxPrimitives_.assign(maxPrimitives.begin(), maxPrimitives.end());
+    std::vector<VkAccelerationStructureGeometryKHR> described;
+    std::vector<const VkAccelerationStructureGeometryKHR *> describedPointers;
+    for (const VkAccelerationStructureGeometryKHR &geometry : geometries_)
+        described.push_back(withoutAddresses(geometry));
+    for (const VkAccelerationStructureGeometryKHR &geometry : described)
+        describedPointers.push_back(&geometry);
+    VkAccelerationStructureBuildGeometryInfoKHR query = info_;
+    query.pGeometries = usesPointers_ ? nullptr : described.data();
+    query.ppGeometries = usesPointers_ ? describedPointers.data() : nullptr;
     auto sizes = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
     gpu_.vk().GetAccelerationStructureBuildSizesKHR(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
-                                                    &info_, maxPrimitives.data(), &sizes);
+                                                    &query, maxPrimitives.data(), &sizes);
     const bool update = mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
     // A compacted one is large enough for its updates in place: VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126.
     if (sizes.accelerationStructureSize > size_ && !update)
         create(sizes.accelerationStructureSize);
     const Structure *const source = update ? std::exchange(source_, nullptr) : nullptr;
     if (source != nullptr)
-        create(source->size());
+        create(exact_ ? sizes.accelerationStructureSize : source->size());
     scratch_ = scratchOf(gpu_, sharedScratch_, update ? sizes.updateScratchSize : sizes.buildScratchSize);
     info_.srcAccelerationStructure = source != nullptr ? source->handle() : update ? structure_ : VK_NULL_HANDLE;
     info_.dstAccelerationStructure = structure_;
@@ -390,23 +428,28 @@ void Structure::record(VkCommandBuffer commands) const
     gpu_.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info_, &ranges);
 }
 
+std::shared_ptr<Guarded> Structure::uploadInput(const void *content, size_t size, size_t alignment) const
+{
+    return inputOf(gpu_, inputMemory_, content, size, kBuildInput, alignment);
+}
+
 VkDeviceAddress Blas::upload(const void *content, size_t size, size_t alignment)
 {
     // With many geometries, their inputs share buffers: devices allow as few as 4096 allocations.
     constexpr size_t kManyGeometries = 128, kSharedBytes = size_t{1} << 20;
     if (inputs_.size() < kManyGeometries || size > kSharedBytes) {
-        buffers_.push_back(uploadAligned(gpu(), content, size, kBuildInput, alignment));
+        buffers_.push_back(uploadInput(content, size, alignment));
         filled_ = kSharedBytes;
-        return buffers_.back().address();
+        return buffers_.back()->address();
     }
     size_t begin = (filled_ + alignment - 1) / alignment * alignment;
     if (buffers_.empty() || begin + size > kSharedBytes) {
-        buffers_.emplace_back(gpu(), kSharedBytes, 256, kBuildInput);
+        buffers_.push_back(std::make_shared<Guarded>(gpu(), kSharedBytes, 256, kBuildInput));
         begin = 0;
     }
     filled_ = begin + size;
-    buffers_.back().write(begin, content, size);
-    return buffers_.back().address() + begin;
+    buffers_.back()->write(begin, content, size);
+    return buffers_.back()->address() + begin;
 }
 
 void Blas::describeBoxes(const Geometry &input, VkAccelerationStructureGeometryAabbsDataKHR &boxes,
@@ -596,11 +639,11 @@ void Tlas::prepare(std::span<const VkAccelerationStructureInstanceKHR> instances
     if (skipped > 0)
         std::memset(static_cast<void *>(all.data()), 0x5a, all.size() * sizeof(all[0]));
     all.insert(all.end(), instances.begin(), instances.end());
-    instances_ = uploadAligned(gpu(), all.data(), all.size() * sizeof(all[0]), kBuildInput, 16);
+    instances_ = uploadInput(all.data(), all.size() * sizeof(all[0]), 16);
     auto geometry = vkInit<VkAccelerationStructureGeometryKHR>({.geometryType = VK_GEOMETRY_TYPE_INSTANCES_KHR});
     VkAccelerationStructureGeometryInstancesDataKHR &data = geometry.geometry.instances;
     data = vkInit<VkAccelerationStructureGeometryInstancesDataKHR>();
-    data.data.deviceAddress = instances_.address();
+    data.data.deviceAddress = instances_->address();
     VkAccelerationStructureBuildRangeInfoKHR range{};
     range.primitiveCount = static_cast<uint32_t>(instances.size());
     range.primitiveOffset = skipped * static_cast<uint32_t>(sizeof(VkAccelerationStructureInstanceKHR));
@@ -608,13 +651,13 @@ void Tlas::prepare(std::span<const VkAccelerationStructureInstanceKHR> instances
         // Backwards in memory, so that array and pointers cannot be mistaken for each other.
         std::vector<VkDeviceAddress> addresses(skipped, 0x5a5a5a5a5a5a5a50u);
         std::vector<VkAccelerationStructureInstanceKHR> reversed(instances.rbegin(), instances.rend());
-        instances_ = uploadAligned(gpu(), reversed.data(), reversed.size() * sizeof(reversed[0]), kBuildInput, 16);
+        instances_ = uploadInput(reversed.data(), reversed.size() * sizeof(reversed[0]), 16);
         for (size_t i = 0; i < instances.size(); ++i)
-            addresses.push_back(instances_.address() +
+            addresses.push_back(instances_->address() +
                                 (instances.size() - 1 - i) * sizeof(VkAccelerationStructureInstanceKHR));
-        pointers_ = uploadAligned(gpu(), addresses.data(), addresses.size() * sizeof(VkDeviceAddress), kBuildInput, 8);
+        pointers_ = uploadInput(addresses.data(), addresses.size() * sizeof(VkDeviceAddress), 8);
         data.arrayOfPointers = VK_TRUE;
-        data.data.deviceAddress = pointers_.address();
+        data.data.deviceAddress = pointers_->address();
         range.primitiveOffset = skipped * static_cast<uint32_t>(sizeof(VkDeviceAddress));
     }
     geometries_ = {geometry};

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "gpu/arena.h"
+#include "gpu/build_inputs.h"
 #include "gpu/micromap_commands.h"
 #include "gpu/vertex_format.h"
 
@@ -57,7 +58,9 @@ struct MicromapInput {
 class Micromap
 {
 public:
-    Micromap(Device &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags = 0, SharedScratch *scratch = nullptr);
+    // inputs: null: what its builds read has memory of its own
+    Micromap(Device &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags = 0, SharedScratch *scratch = nullptr,
+             BuildInputs *inputs = nullptr);
     // For a copy, not a build: of that size, with the content of `like`.
     Micromap(Device &gpu, const Micromap &like, VkDeviceSize size);
     Micromap(const Micromap &) = delete;
@@ -102,7 +105,9 @@ private:
     std::vector<VkMicromapUsageEXT> usage_;
     std::vector<VkMicromapUsageEXT> scattered_;
     std::vector<const VkMicromapUsageEXT *> usagePointers_; // into it
-    Guarded data_, triangles_, storage_;
+    BuildInputs *inputs_ = nullptr;
+    std::shared_ptr<Guarded> data_, triangles_;
+    Guarded storage_;
     std::shared_ptr<Guarded> scratch_;
     VkMicromapBuildInfoEXT info_{};
     MicromapHandle handle_;
@@ -158,10 +163,13 @@ public:
     // The next create uses the other's memory, if it is large enough: two handles, and later another content, in one
     // place.
     void useMemoryOf(const Structure &other) { reusedStorage_ = other.storage_; }
-    // The next update reads the source, and writes a structure that is made as large; null: the same as it writes.
-    void updateFrom(const Structure *source) { source_ = source; }
+    // The next update reads the source, and writes a structure that is made as large, or exact: as large as Vulkan
+    // reports for the update. Null: the same as it writes.
+    void updateFrom(const Structure *source, bool exact = false) { source_ = source, exact_ = exact; }
     // The next builds get their geometries by ppGeometries.
     void usePointers(bool pointers) { usesPointers_ = pointers; }
+    // The memory of what its builds read; null: memory of its own.
+    void useInputs(BuildInputs *inputs) { inputMemory_ = inputs; }
     // Uses that scratch memory instead of memory of its own; null: its own again.
     void shareScratch(SharedScratch *scratch) { sharedScratch_ = scratch; }
     // Makes the structure, of that size, instead of the one there is.
@@ -183,6 +191,8 @@ protected:
     void prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuildAccelerationStructureModeKHR mode,
                       std::span<const uint32_t> maxPrimitives);
     [[nodiscard]] Device &gpu() const { return gpu_; }
+    // Memory with bytes that a build reads.
+    [[nodiscard]] std::shared_ptr<Guarded> uploadInput(const void *content, size_t size, size_t alignment) const;
     void checkGuards() const;
     void destroy();
 
@@ -196,6 +206,8 @@ private:
     VkDeviceAddress address_ = 0;
     VkDeviceSize size_ = 0;
     const Structure *source_ = nullptr;
+    bool exact_ = false;
+    BuildInputs *inputMemory_ = nullptr;
     std::shared_ptr<Guarded> storage_, reusedStorage_;
     std::shared_ptr<Guarded> scratch_;
     SharedScratch *sharedScratch_ = nullptr;
@@ -235,7 +247,7 @@ private:
     VkDeviceAddress upload(const void *content, size_t size, size_t alignment);
 
     std::vector<Geometry> inputs_;
-    std::vector<Guarded> buffers_;
+    std::vector<std::shared_ptr<Guarded>> buffers_;
     size_t filled_ = 0; // of the last buffer, where geometries share it
     std::vector<std::vector<VkMicromapUsageEXT>> usages_;
     std::vector<std::vector<const VkMicromapUsageEXT *>> usagePointers_;
@@ -286,12 +298,12 @@ public:
     void forgetInput() override
     {
         Structure::forgetInput();
-        instances_ = {};
-        pointers_ = {};
+        instances_.reset();
+        pointers_.reset();
     }
 
 private:
-    Guarded instances_, pointers_;
+    std::shared_ptr<Guarded> instances_, pointers_;
 };
 
 // The right-angled triangle (0,0) (1,0) (0,1) in the plane z = 0, at a place: barycentrics are x and y.

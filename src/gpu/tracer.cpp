@@ -60,7 +60,8 @@ Tracer::Tracer(Device &gpu, std::span<const uint32_t> words, const TracerSetup &
                                  .specialization = entries.empty() ? nullptr : &specialization,
                                  .inlineModule = setup.inlineModule,
                                  .objectLayout = setup.shaderObject ? setLayout_ : VK_NULL_HANDLE,
-                                 .pushSize = sizeof(Push)});
+                                 .pushSize = sizeof(Push),
+                                 .vertexBuffers = setup.vertexBuffers});
 
     const std::array<VkDescriptorPoolSize, 2> sizes{
         {{VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1}, {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 3}}};
@@ -85,6 +86,7 @@ void Tracer::prepare(const Structure &scene, std::span<const Ray> rays, uint32_t
     results_ = Buffer(gpu_, std::max<size_t>(rays.size(), 1) * sizeof(RawResult), kStorage);
     candidates_ = Buffer(gpu_, std::max<size_t>(rays.size() * capacity, 1) * sizeof(Candidate), kStorage);
     push_ = {static_cast<uint32_t>(rays.size()), capacity, scene.address(), program_->helperScene()};
+    program_->prepare(launch_, push_.rayCount);
 
     const VkAccelerationStructureKHR handle = scene.handle();
     auto structure = vkInit<VkWriteDescriptorSetAccelerationStructureKHR>(
@@ -110,14 +112,19 @@ void Tracer::prepare(const Structure &scene, std::span<const Ray> rays, uint32_t
 
 void Tracer::bind(VkCommandBuffer commands, bool maintenance6) const
 {
-    program_->bind(commands);
+    bindProgram(commands);
+    bindSet(commands, maintenance6);
+}
+
+void Tracer::bindSet(VkCommandBuffer commands, bool maintenance6) const
+{
     recordBindings(gpu_, commands, {program_->point(), layout_, set_, pushStages_, std::as_bytes(std::span(&push_, 1))},
                    maintenance6);
 }
 
 void Tracer::dispatch(VkCommandBuffer commands) const
 {
-    program_->launch(commands, push_.rayCount);
+    program_->launch(commands);
 }
 
 void Tracer::clearResults()

@@ -93,6 +93,7 @@ struct TracerSetup {
     VkShaderStageFlagBits stage = VK_SHADER_STAGE_COMPUTE_BIT;
     std::optional<VkBool32> specializedMode; // specialization constant kModeConstant
     bool shaderObject = false;               // compute: VK_EXT_shader_object instead of a pipeline
+    bool vertexBuffers = false;              // vertex: StageShader::vertexBuffers
 };
 
 // A pipeline whose shader, of any stage, has the bindings of tracer.glsl.
@@ -110,10 +111,15 @@ public:
     // Traces and waits. At most `capacity` candidates of each ray come back.
     std::vector<Result> trace(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
 
+    // Traces by that command from now on.
+    void setLaunch(const LaunchPlan &launch) { launch_ = launch; }
     // Traces in steps, for tests that put other commands in between.
     void prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
     // Pipeline, descriptor set, push constants; maintenance6: the last two by the commands of VK_KHR_maintenance6.
     void bind(VkCommandBuffer commands, bool maintenance6 = false) const;
+    // The parts of that.
+    void bindProgram(VkCommandBuffer commands) const { program_->bind(commands); }
+    void bindSet(VkCommandBuffer commands, bool maintenance6 = false) const;
     void dispatch(VkCommandBuffer commands) const;
     [[nodiscard]] std::vector<Result> results() const;
     [[nodiscard]] VkPipelineLayout layout() const { return layout_; }
@@ -135,6 +141,7 @@ private:
     VkPipelineLayout layout_ = VK_NULL_HANDLE;
     VkShaderStageFlags pushStages_;
     std::unique_ptr<StageProgram> program_;
+    LaunchPlan launch_;
     VkDescriptorPool pool_ = VK_NULL_HANDLE;
     VkDescriptorSet set_ = VK_NULL_HANDLE;
     Buffer rays_, results_, candidates_;

@@ -164,6 +164,8 @@ TEST(Account, NamesUnusualOptionsOfBuildsAndQueries)
     c.scene.objects[0].meshes[0].micromap->usage = kUsageDescending;
     c.scene.topFlags = VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR;
     c.build.together = c.build.mixed = true;
+    c.build.sharedInputs = c.build.aliasedInputs = c.build.lateInputs = c.build.secondDevice = true;
+    c.build.conditional = Conditional::FalseAtAddress;
     c.steps[0].outOfPlace = true;
     c.steps[1].exact = true;
     c.queries = {{.count = 2,
@@ -184,6 +186,11 @@ TEST(Account, NamesUnusualOptionsOfBuildsAndQueries)
              "baseTriangle 1, usage counts: descending\n",
              "builds the top level, flags VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR and those",
              "Those without micromaps are built by the command that builds the micromaps.",
+             "Inputs that other inputs begin with are in their memory.",
+             "A second buffer has the first half of the memory of each input.",
+             "Inputs are written when the commands are recorded.",
+             "A second device carries out the same,",
+             "It begins by vkCmdBeginConditionalRendering2EXT.",
              "updated to a new structure (MODE_UPDATE)",
              "first to one as large as VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR reports",
              "A pool of 2 queries of serialization-size:\n",

@@ -41,7 +41,7 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .instancePointers = yes(),
                .geometryPointers = yes(),
                .single = c.steps.empty() && yes(),
-               .conditional = static_cast<Conditional>(below(random, 3)),
+               .conditional = static_cast<Conditional>(below(random, 4)),
                .spareTriangles = below(random, 3),
                .spareInstances = below(random, 3),
                .skippedInstances = below(random, 3)};
@@ -50,6 +50,12 @@ Case randomCase(uint32_t seed, uint32_t rays)
     c.build.secondary = yes();
     c.build.twice = yes();
     c.build.mixed = c.build.together && yes();
+    c.build.sharedInputs = yes();
+    c.build.aliasedInputs = yes();
+    c.build.lateInputs = c.memory == Memory::Apart && yes();
+    c.build.rerecorded = yes();
+    c.build.backwards = c.build.single && yes();
+    c.build.secondDevice = c.build.threads == 1 && yes();
     for (uint32_t i = c.build.single ? 0 : below(random, 3); i > 0; --i)
         if (auto plan = randomQueries(random, c.scene, device))
             c.queries.push_back(std::move(*plan));
@@ -66,7 +72,9 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .inlineModules = yes(),
                .besideBuild = yes(),
                .boundFirst = yes(),
+               .pipelineLast = yes(),
                .maintenance6 = yes(),
+               .twice = yes(),
                .signedFlags = yes(),
                .tablesInPlace = yes(),
                .dynamicStackSize = yes(),
@@ -74,6 +82,7 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .flags2 = yes(),
                .unusedStage = yes(),
                .launch = {.command = static_cast<Launch>(below(random, 3)), .height = 1 + below(random, 3)},
+               .attributes = static_cast<HitAttributes>(below(random, 4)),
                .creation = below(random, 8),
                .withoutMicromaps = yes()};
     if (c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && !c.trace.byAddress) {
@@ -119,6 +128,9 @@ Case randomCase(uint32_t seed, uint32_t rays)
             std::erase(each->parts[i].stages, 10u);
             std::erase(each->parts[i].groups, 14u);
         }
+    c.trace.rebound = c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && yes();
+    c.trace.vertexBuffers = c.trace.stage == VK_SHADER_STAGE_VERTEX_BIT && !c.trace.byAddress &&
+                            c.trace.flags == TracePlan::Flags::RunTime && yes();
     c.trace.shaderObjects = c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && !c.trace.inlineModules && yes();
     return c;
 }

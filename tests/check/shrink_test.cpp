@@ -128,7 +128,8 @@ Size sizeOf(const Case &c)
 // True if nothing but the default flags, forms of usage counts and data layouts is used.
 bool isBuiltOrdinarily(const Case &c)
 {
-    return c.scene.topFlags == 0 && !c.build.mixed && !c.build.together &&
+    return c.scene.topFlags == 0 && !c.build.mixed && !c.build.together && !c.build.sharedInputs &&
+           !c.build.aliasedInputs && !c.build.lateInputs && !c.build.rerecorded && !c.build.secondDevice &&
            std::ranges::none_of(c.scene.objects, [](const oracle::Object &object) { return object.flags != 0; }) &&
            std::ranges::none_of(c.scene.micromaps,
                                 [](const auto &micromap) { return micromap.usage != 0 || micromap.layout != 0; }) &&

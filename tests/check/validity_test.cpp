@@ -211,7 +211,7 @@ const Break kBreaks[] = {
          c.steps = {stepOf(Step::Kind::RebuildObject, 0)};
          c.steps[0].outOfPlace = true;
      })},
-    {"is no clone", kAlwaysPossible([](Case &c) {
+    {"is neither a clone nor an update of another structure", kAlwaysPossible([](Case &c) {
          c.steps = {stepOf(Step::Kind::CompactTop, 0)};
          c.steps[0].exact = true;
      })},
@@ -268,9 +268,29 @@ const Break kBreaks[] = {
     {"waits for queries that are not written", kAlwaysPossible([](Case &c) {
          c.queries = {queriesOf({{.count = 3}, {.kind = QueryCommand::Kind::Read, .wait = true}})};
      })},
-    {"copies queries that are not available", kAlwaysPossible([](Case &c) {
-         c.queries = {queriesOf({{.count = 3}, {.kind = QueryCommand::Kind::Copy}})};
+    {"copies queries that were never available", kAlwaysPossible([](Case &c) {
+         c.queries = {queriesOf({{.count = 3}, {.kind = QueryCommand::Kind::Copy, .availability = true}})};
      })},
+    {"copies queries that are not available, and", kAlwaysPossible([](Case &c) {
+         const QueryCommand write{.kind = QueryCommand::Kind::Write, .targets = {{QueryTarget::Of::Top}}};
+         c.queries = {queriesOf({{.count = 3}, write, {.count = 3}, {.kind = QueryCommand::Kind::Copy}})};
+     })},
+    {"are written to memory that is watched", kAlwaysPossible([](Case &c) {
+         c.memory = Memory::Packed;
+         c.build.lateInputs = true;
+     })},
+    {"is not single", kAlwaysPossible([](Case &c) {
+         c.build.single = false;
+         c.build.backwards = true;
+     })},
+    {"is used by several threads", kAlwaysPossible([](Case &c) {
+         c.build.threads = 2;
+         c.build.secondDevice = true;
+     })},
+    {"needs the compute stage", kAlwaysPossible([](Case &c) {
+         c.trace = {.stage = VK_SHADER_STAGE_VERTEX_BIT, .rebound = true};
+     })},
+    {"need the vertex stage", kAlwaysPossible([](Case &c) { c.trace = {.vertexBuffers = true}; })},
     {"has targets that it does not use, or lacks them", kAlwaysPossible([](Case &c) {
          c.queries = {queriesOf({{.count = 3}, {.kind = QueryCommand::Kind::Write}})};
      })},
@@ -293,6 +313,7 @@ const Break kBreaks[] = {
     {"has 0 meshes, not 1 to 131072", kAlwaysPossible([](Case &c) { c.scene.objects[0].meshes.clear(); })},
     {"an object has more than 20 meshes, for which there are no hit records", kAlwaysPossible([](Case &c) {
          c.scene.objects[0].meshes.resize(21, c.scene.objects[0].meshes[0]);
+         c.scene.instances[0].record.reset();
          c.trace.method = TracePlan::Method::Pipeline;
      })},
     {"triangles and boxes in one object",

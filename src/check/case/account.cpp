@@ -272,6 +272,20 @@ private:
             line("     Commands that build several objects build an unrelated top level first; that which builds the "
                  "top "
                  "level builds an unrelated object first.");
+        if (case_.build.conditional == Conditional::FalseAtAddress)
+            line("     It begins by vkCmdBeginConditionalRendering2EXT.");
+        if (case_.build.backwards)
+            line("     In three, which are recorded in reverse order: of the micromaps, the objects, and the rest.");
+        if (case_.build.sharedInputs)
+            line("     Inputs that other inputs begin with are in their memory.");
+        if (case_.build.aliasedInputs)
+            line("     A second buffer has the first half of the memory of each input.");
+        if (case_.build.lateInputs)
+            line("     Inputs are written when the commands are recorded.");
+        if (case_.build.rerecorded)
+            line("     Command buffers of builds, copies and updates are recorded twice, and then executed.");
+        if (case_.build.secondDevice)
+            line("     A second device carries out the same, something while each command buffer is recorded.");
         if (case_.build.secondary)
             line("     Builds, copies and updates are in secondary command buffers.");
         if (case_.build.twice)
@@ -340,9 +354,12 @@ std::string Account::commandsOf(const Step &step) const
 {
     const uint32_t t = step.target;
     const char *const mirrored = step.mirrored ? ", with x of all vertices and boxes mirrored" : "";
-    const char *const elsewhere = step.outOfPlace ? " to a new structure" : "";
-    const char *const exact =
-        step.exact ? ", first to one as large as VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR reports" : "";
+    const char *const elsewhere = !step.outOfPlace ? ""
+                                  : step.exact     ? " to a new structure, which is as large as queried"
+                                                   : " to a new structure";
+    const char *const exact = step.exact && !step.outOfPlace
+                                  ? ", first to one as large as VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR reports"
+                                  : "";
     // The command for micromaps.
     const auto command = [&](const char *khr, const char *ext, const char *host) {
         return std::string(khr_ ? khr : step.host ? host : ext) + (step.deferred ? ", deferred," : "");
@@ -516,6 +533,11 @@ void Account::writeTracePlan()
         }
         if (trace.shaderObjects)
             line("The shader is a shader object.");
+        if (trace.rebound)
+            line("A {} is bound before it.", trace.shaderObjects ? "pipeline" : "shader object");
+        if (trace.vertexBuffers)
+            line(
+                "Numbers of rays come from buffers that vkCmdBindVertexBuffers3KHR and vkCmdBindIndexBuffer3KHR bind.");
         if (trace.optimized)
             line("The module is optimized by spirv-opt.");
         if (trace.otherEntry != OtherEntry::None)
@@ -529,6 +551,8 @@ void Account::writeTracePlan()
         line("A {} shader traces the rays, in recursion.", nameOf(kFromNames, trace.from));
     if (trace.withoutMicromaps)
         line("The pipeline lacks the micromap bit.");
+    if (trace.attributes != standard.attributes)
+        line("Hit attributes are not a vec2: {}.", nameOf(kAttributeNames, trace.attributes));
     if (trace.creation != 0)
         line("Pipelines are created: {}.", wordsOf(trace.creation, kCreationNames));
     if (trace.callables)
@@ -604,12 +628,19 @@ void Account::writeRay()
     if (case_.trace.secondary)
         line("The commands that trace are in a secondary command buffer.");
     if (case_.trace.boundFirst)
-        line("What traces was bound before the builds of the same command buffer.");
+        line("What traces was bound before the builds of the same command buffer{}.",
+             case_.trace.pipelineLast ? "; the shader is bound after them" : "");
+    if (case_.trace.twice)
+        line("The command buffer is submitted twice.");
     if (case_.trace.maintenance6)
         line("The descriptor set is bound by vkCmdBindDescriptorSets2KHR, and constants are pushed by "
              "vkCmdPushConstants2KHR.");
     writeTracePlan();
-    if (const LaunchPlan &launch = case_.trace.launch; launch != LaunchPlan())
+    const LaunchPlan &launch = case_.trace.launch;
+    if (case_.trace.method == TracePlan::Method::Query && launch.command != Launch::Direct)
+        line("The command is indirect{}{}.", launch.command == Launch::Indirect2 ? ", by an address" : "",
+             launch.offset > 0 ? fmt::format(", {} bytes before its parameters", 4 * launch.offset) : "");
+    else if (case_.trace.method == TracePlan::Method::Pipeline && launch != LaunchPlan())
         line("The command is vkCmdTraceRays{}KHR, height {}, depth {}{}.",
              launch.command == Launch::Direct     ? ""
              : launch.command == Launch::Indirect ? "Indirect"

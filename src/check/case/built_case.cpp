@@ -83,50 +83,79 @@ bool queriesCompactedSize(const Case &c, const QueryTarget &target)
 
 } // namespace
 
-BuiltCase::BuiltCase(Device &gpu, const Case &c) : gpu_(gpu), case_(c), scene_(c.scene)
+BuiltCase::BuiltCase(Device &gpu, const Case &c)
+    : gpu_(gpu), case_(c), scene_(c.scene),
+      inputs_(gpu, {.shared = c.build.sharedInputs, .aliased = c.build.aliasedInputs, .late = c.build.lateInputs})
 {
     if (c.build.conditional != Conditional::None) {
-        predicate_ = Buffer(gpu, 2 * sizeof(uint32_t), VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
+        predicate_ = Buffer(gpu, 2 * sizeof(uint32_t),
+                            VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
         predicate_.as<uint32_t>()[0] = 1; // the other one is used
         discarded_ = std::make_unique<Marker>(gpu);
     }
     if (c.build.single)
-        prepareAll();
+        parts_.emplace_back([this] { prepareAll(); });
     else
-        buildAll();
+        addParts();
 }
 
-void BuiltCase::buildAll()
+void BuiltCase::addParts()
 {
-    buildMicromaps();
-    buildObjects();
+    parts_.emplace_back([this] { buildMicromaps(); });
+    parts_.emplace_back([this] { buildObjects(); });
     for (const Step &step : case_.steps) {
         if (targetOf(step.kind) != Target::Top)
-            apply(step);
+            parts_.emplace_back([this, &step] { apply(step); });
     }
-    buildTop();
+    parts_.emplace_back([this] { buildTop(); });
     for (const Step &step : case_.steps) {
         if (targetOf(step.kind) == Target::Top)
-            applyToTop(step);
+            parts_.emplace_back([this, &step] { applyToTop(step); });
     }
-    runQueries();
+    parts_.emplace_back([this] { runQueries(); });
 }
 
-void BuiltCase::recordUnder(VkCommandBuffer commands, const Record &record) const
+bool BuiltCase::advance()
 {
+    if (done_ < parts_.size())
+        parts_[done_++]();
+    return done_ < parts_.size();
+}
+
+std::unique_ptr<Micromap> BuiltCase::newMicromap(const oracle::SceneMicromap &from, SharedScratch *scratch)
+{
+    return std::make_unique<Micromap>(gpu_, oracle::inputOf(from), from.flags, scratch, &inputs_);
+}
+
+void BuiltCase::recordUnder(VkCommandBuffer commands, const Record &record)
+{
+    const auto recordBetween = [&] {
+        record(commands);
+        if (between_)
+            between_();
+        inputs_.write();
+    };
     if (case_.build.conditional == Conditional::None)
-        return record(commands);
+        return recordBetween();
     const bool inverted = case_.build.conditional == Conditional::InvertedTrue; // the true one discards
+    if (case_.build.conditional == Conditional::FalseAtAddress) {
+        const auto begin = vkInit<VkConditionalRenderingBeginInfo2EXT>(
+            {.addressRange = {predicate_.address() + sizeof(uint32_t), sizeof(uint32_t)},
+             .addressFlags = kUnknownUsage});
+        gpu_.vk().CmdBeginConditionalRendering2EXT(commands, &begin);
+        recordBetween();
+        return gpu_.vk().CmdEndConditionalRenderingEXT(commands);
+    }
     const auto begin = vkInit<VkConditionalRenderingBeginInfoEXT>(
         {.buffer = predicate_.handle(),
          .offset = inverted ? 0 : sizeof(uint32_t),
          .flags = inverted ? VkConditionalRenderingFlagsEXT{VK_CONDITIONAL_RENDERING_INVERTED_BIT_EXT} : 0u});
     gpu_.vk().CmdBeginConditionalRenderingEXT(commands, &begin);
-    record(commands);
+    recordBetween();
     gpu_.vk().CmdEndConditionalRenderingEXT(commands);
 }
 
-void BuiltCase::recordDiscarding(VkCommandBuffer commands, const Record &record) const
+void BuiltCase::recordDiscarding(VkCommandBuffer commands, const Record &record)
 {
     recordUnder(commands, [&](VkCommandBuffer to) {
         record(to);
@@ -144,14 +173,17 @@ void BuiltCase::checkDiscarded(const std::string &what)
 void BuiltCase::execute(const std::string &what, const Writes &writes, const Record &record, bool repeatable)
 {
     Watch watch(gpu_);
-    gpu_.submit([&](VkCommandBuffer commands) { recordDiscarding(commands, record); }, case_.build.secondary,
-                case_.build.twice && repeatable ? 2 : 1);
+    gpu_.submit([&](VkCommandBuffer commands) { recordDiscarding(commands, record); },
+                {.secondary = case_.build.secondary,
+                 .times = case_.build.twice && repeatable ? 2u : 1u,
+                 .rerecorded = case_.build.rerecorded});
     watch.expectOnlyChanged(writes, what);
     checkDiscarded(what);
 }
 
 void BuiltCase::executeOnHost(const std::string &what, const Writes &writes, const std::function<void()> &command)
 {
+    inputs_.write();
     Watch watch(gpu_);
     command();
     watch.expectOnlyChanged(writes, what);
@@ -208,7 +240,7 @@ void BuiltCase::buildMicromaps()
 {
     const auto make = [this](size_t i, SharedScratch *scratch) {
         const oracle::SceneMicromap &from = scene_.micromaps[i];
-        micromaps_[i] = std::make_unique<Micromap>(gpu_, oracle::inputOf(from), from.flags, scratch);
+        micromaps_[i] = newMicromap(from, scratch);
     };
     micromaps_.resize(scene_.micromaps.size());
     // "infoCount must be greater than 0" (VUID-vkCmdBuildMicromapsEXT-infoCount-arraylength and its like)
@@ -297,7 +329,7 @@ void BuiltCase::describeObjects()
 BuiltCase::Writes BuiltCase::prepareNew(uint32_t object, SharedScratch *scratch)
 {
     Bottom &bottom = bottoms_[object];
-    bottom.structure = std::make_unique<Blas>(gpu_);
+    bottom.structure = newStructure<Blas>();
     bottom.structure->shareScratch(scratch);
     bottom.structure->prepare(bottom.geometries, bottom.flags);
     bottom.structure->shareScratch(nullptr);
@@ -401,17 +433,19 @@ void BuiltCase::buildObjects()
 
 void BuiltCase::buildTop()
 {
-    auto tlas = std::make_unique<Tlas>(gpu_);
+    auto tlas = newStructure<Tlas>();
     prepareTop(*tlas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
     std::vector<const Structure *> structures{tlas.get()};
     Writes writes{tlas->range(), tlas->scratchRange()};
     Blas unrelated(gpu_);
+    unrelated.useInputs(&inputs_);
     if (case_.build.unrelated) {
         unrelated.prepare(bottoms_[0].geometries, bottoms_[0].flags);
         structures.insert(structures.begin(), &unrelated);
         writes.insert(writes.end(), {unrelated.range(), unrelated.scratchRange()});
     }
     Tlas other(gpu_);
+    other.useInputs(&inputs_);
     if (case_.build.otherTop) {
         std::vector<VkAccelerationStructureInstanceKHR> reversed = instances(true);
         std::ranges::reverse(reversed);
@@ -456,8 +490,8 @@ void BuiltCase::buildTopAgain(const Step &step)
     const bool update = step.kind == Kind::UpdateTop;
     std::unique_ptr<Structure> source;
     if (step.outOfPlace) {
-        auto target = std::make_unique<Tlas>(gpu_);
-        target->updateFrom(top_.get());
+        auto target = newStructure<Tlas>();
+        target->updateFrom(top_.get(), step.exact);
         source = std::exchange(top_, std::move(target));
     }
     auto &tlas = static_cast<Tlas &>(*top_);
@@ -472,16 +506,16 @@ void BuiltCase::buildTopAgain(const Step &step)
 void BuiltCase::prepareAll()
 {
     for (const oracle::SceneMicromap &from : scene_.micromaps)
-        micromaps_.push_back(std::make_unique<Micromap>(gpu_, oracle::inputOf(from), from.flags));
+        micromaps_.push_back(newMicromap(from));
     describeObjects();
     for (uint32_t o = 0; o < bottoms_.size(); ++o)
         prepareNew(o, nullptr);
-    auto tlas = std::make_unique<Tlas>(gpu_);
+    auto tlas = newStructure<Tlas>();
     prepareTop(*tlas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
     top_ = std::move(tlas);
 }
 
-void BuiltCase::recordAll(VkCommandBuffer commands) const
+void BuiltCase::recordMicromaps(VkCommandBuffer commands) const
 {
     std::vector<MicromapBuild> builds;
     for (const auto &micromap : micromaps_)
@@ -489,23 +523,50 @@ void BuiltCase::recordAll(VkCommandBuffer commands) const
     if (!builds.empty())
         recordMicromapBuilds(gpu_, commands, builds);
     barrier(commands);
+}
+
+void BuiltCase::recordObjects(VkCommandBuffer commands) const
+{
     std::vector<const Structure *> structures;
     for (const Bottom &bottom : bottoms_)
         structures.push_back(bottom.structure.get());
     StructureBuilds(gpu_, structures).record(commands);
     barrier(commands);
+}
+
+void BuiltCase::recordTop(VkCommandBuffer commands) const
+{
     top_->record(commands);
     barrier(commands);
+}
+
+void BuiltCase::recordAll(VkCommandBuffer commands)
+{
+    if (!case_.build.backwards) {
+        return recordUnder(commands, [this](VkCommandBuffer to) {
+            recordMicromaps(to);
+            recordObjects(to);
+            recordTop(to);
+        });
+    }
+    recordUnder(commands, [this](VkCommandBuffer to) { recordTop(to); });
+    const VkCommandBuffer objects = gpu_.begin();
+    recordUnder(objects, [this](VkCommandBuffer to) { recordObjects(to); });
+    gpu_.end(objects);
+    const VkCommandBuffer micromaps = gpu_.begin();
+    recordUnder(micromaps, [this](VkCommandBuffer to) { recordMicromaps(to); });
+    gpu_.end(micromaps);
+    gpu_.executeBefore(std::array{micromaps, objects});
 }
 
 void BuiltCase::recordWithRays(VkCommandBuffer commands)
 {
     if (case_.build.single)
-        recordUnder(commands, [this](VkCommandBuffer to) { recordAll(to); });
+        recordAll(commands);
     if (!case_.trace.besideBuild)
         return;
     Bottom &bottom = bottoms_[0];
-    beside_ = std::make_unique<Blas>(gpu_);
+    beside_ = newStructure<Blas>();
     beside_->prepare(bottom.geometries, bottom.flags);
     recordUnder(commands, [this](VkCommandBuffer to) { beside_->record(to); });
 }

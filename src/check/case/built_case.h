@@ -22,10 +22,20 @@ VkBuildAccelerationStructureFlagsKHR buildFlagsOf(const Case &c, uint32_t object
 class BuiltCase
 {
 public:
-    // Builds micromaps and bottom-level structures, carries out the steps, builds the top level and makes the queries.
     BuiltCase(Device &gpu, const Case &c);
     BuiltCase(const BuiltCase &) = delete;
     BuiltCase &operator=(const BuiltCase &) = delete;
+
+    // Builds micromaps and bottom-level structures, carries out the steps, builds the top level and makes the queries,
+    // one of these at a time. False: all is done.
+    bool advance();
+    void finish()
+    {
+        while (advance()) {
+        }
+    }
+    // Called while each command buffer is recorded.
+    void setBetween(std::function<void()> between) { between_ = std::move(between); }
 
     [[nodiscard]] const Structure &top() const { return *top_; }
     // A top level of the same instances without flags, which rays of every mask see.
@@ -49,7 +59,7 @@ private:
         std::function<Writes(size_t, VkCommandBuffer, SharedScratch &)> record;
     };
 
-    void buildAll();
+    void addParts();
     void buildMicromaps();
     void buildMicromapsTogether();
     [[nodiscard]] uint32_t spareTriangles() const;
@@ -67,14 +77,18 @@ private:
     void prepareTop(Tlas &tlas, VkBuildAccelerationStructureModeKHR mode) const;
     void buildTopAgain(const Step &step);
     void prepareAll();
-    void recordAll(VkCommandBuffer commands) const;
+    // The three parts of all.
+    void recordMicromaps(VkCommandBuffer commands) const;
+    void recordObjects(VkCommandBuffer commands) const;
+    void recordTop(VkCommandBuffer commands) const;
+    void recordAll(VkCommandBuffer commands);
     void buildMicromap(Micromap &micromap, const Step &step);
     void buildMicromapBeside(Micromap &micromap, uint32_t number);
 
     [[nodiscard]] VkBuildAccelerationStructureFlagsKHR topFlags() const;
     // How objects are built and updated.
     struct BuildMode {
-        bool update = false, outOfPlace = false;
+        bool update = false, outOfPlace = false, exact = false;
     };
     template <class T>
     [[nodiscard]] std::unique_ptr<T> copied(const Structure &source, VkCopyAccelerationStructureModeKHR mode,
@@ -102,10 +116,19 @@ private:
     void deserialize(const Guarded &data, Structure &target);
 
     void runOnThreads(const Work &work);
-    // Records as the case does everything but rays: within conditional rendering, or not.
-    void recordUnder(VkCommandBuffer commands, const Record &record) const;
+    // Records as the case does everything but rays: within conditional rendering, or not. Then writes late inputs.
+    void recordUnder(VkCommandBuffer commands, const Record &record);
     // As above. Conditional rendering also has a dispatch at its end, which it discards.
-    void recordDiscarding(VkCommandBuffer commands, const Record &record) const;
+    void recordDiscarding(VkCommandBuffer commands, const Record &record);
+    [[nodiscard]] std::unique_ptr<Micromap> newMicromap(const oracle::SceneMicromap &from,
+                                                        SharedScratch *scratch = nullptr);
+    template <class T>
+    [[nodiscard]] std::unique_ptr<T> newStructure()
+    {
+        auto structure = std::make_unique<T>(gpu_);
+        structure->useInputs(&inputs_);
+        return structure;
+    }
     // Reports a dispatch that was executed.
     void checkDiscarded(const std::string &what);
     // Executes, and reports what else was written to.
@@ -126,6 +149,10 @@ private:
     Buffer predicate_;
     std::unique_ptr<Marker> discarded_;
     oracle::Scene scene_; // state after the steps so far
+    std::vector<std::function<void()>> parts_;
+    size_t done_ = 0; // of them
+    std::function<void()> between_;
+    BuildInputs inputs_;
     std::vector<std::unique_ptr<Micromap>> micromaps_;
     std::vector<Bottom> bottoms_;
     std::unique_ptr<Structure> top_;

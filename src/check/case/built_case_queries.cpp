@@ -302,7 +302,7 @@ void BuiltCase::QueryRun::run(const QueryCommand &command)
     case QueryKind::Copy: copy(command); break;
     default: writeOnHost(command); break;
     }
-    advance(states, command);
+    check::advance(states, command);
 }
 
 void BuiltCase::runQueries()

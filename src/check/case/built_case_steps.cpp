@@ -56,8 +56,8 @@ std::unique_ptr<Blas> BuiltCase::prepareObject(uint32_t object, BuildMode mode)
     bottom.geometries = oracle::geometriesOf(scene_.objects[object], micromaps_, spareTriangles());
     std::unique_ptr<Blas> source;
     if (mode.update && mode.outOfPlace) {
-        source = std::exchange(bottom.structure, std::make_unique<Blas>(gpu_));
-        bottom.structure->updateFrom(source.get());
+        source = std::exchange(bottom.structure, newStructure<Blas>());
+        bottom.structure->updateFrom(source.get(), mode.exact);
     }
     bottom.structure->prepare(bottom.geometries, bottom.flags,
                               mode.update ? VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR
@@ -73,7 +73,7 @@ void BuiltCase::rebuildObjects(const Step &step)
     Writes writes;
     for (uint32_t o = parity; o < bottoms_.size(); o += 2) {
         if (o == step.target)
-            source = prepareObject(o, {step.update, step.outOfPlace});
+            source = prepareObject(o, {step.update, step.outOfPlace, step.exact});
         else
             (void)prepareObject(o, {});
         const Blas &structure = *bottoms_[o].structure;
@@ -100,7 +100,7 @@ void BuiltCase::buildMicromapUsers(uint32_t micromap, const Step &step)
 {
     for (uint32_t o = 0; o < scene_.objects.size(); ++o) {
         if (scene_.objects[o].uses(micromap))
-            buildObject(o, {step.update, step.outOfPlace});
+            buildObject(o, {step.update, step.outOfPlace, step.exact});
     }
 }
 
@@ -126,7 +126,7 @@ void BuiltCase::apply(const Step &step)
         // A compacted one may be too small to be built in.
         std::unique_ptr<Micromap> micromap = std::move(micromaps_[step.target]);
         if (!step.inPlace || !micromap->setInput(oracle::inputOf(from)))
-            micromap = std::make_unique<Micromap>(gpu_, oracle::inputOf(from), from.flags);
+            micromap = newMicromap(from);
         buildMicromap(*micromap, step);
         micromaps_[step.target] = std::move(micromap);
         return buildMicromapUsers(step.target, step);
@@ -142,19 +142,19 @@ void BuiltCase::applyToObject(const Step &step)
     case Kind::CloneObject:
     case Kind::CompactObject: bottom.structure = copied<Blas>(*bottom.structure, step); return;
     case Kind::ReloadObject: return reloadObject(step);
-    case Kind::UpdateObject: return buildObject(step.target, {true, step.outOfPlace});
+    case Kind::UpdateObject: return buildObject(step.target, {true, step.outOfPlace, step.exact});
     case Kind::RebuildObject:
     case Kind::ReplaceObject: return buildObject(step.target, {});
     case Kind::RebuildObjects: return rebuildObjects(step);
     case Kind::MoveObject: return moveObject(bottom, step.other);
     case Kind::RenameObject: {
-        auto second = std::make_unique<Blas>(gpu_);
+        auto second = newStructure<Blas>();
         second->useMemoryOf(*bottom.structure);
         second->create(bottom.structure->size());
         bottom.structure = std::move(second);
         return;
     }
-    case Kind::SetIndices: return buildObject(step.target, {step.update, step.outOfPlace});
+    case Kind::SetIndices: return buildObject(step.target, {step.update, step.outOfPlace, step.exact});
     default: return;
     }
 }
@@ -274,7 +274,7 @@ template <class T>
 std::unique_ptr<T> BuiltCase::copied(const Structure &source, VkCopyAccelerationStructureModeKHR mode,
                                      VkDeviceSize size)
 {
-    auto target = std::make_unique<T>(gpu_);
+    auto target = newStructure<T>();
     target->create(size);
     execute(mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR ? "compacted" : "cloned", {target->range()},
             [&](VkCommandBuffer commands) { recordCopy(gpu_, commands, source.handle(), target->handle(), mode); });
@@ -403,7 +403,7 @@ void BuiltCase::reloadObject(const Step &step)
     }
     if (!addresses.empty())
         replaceAddresses(data, false, addresses, needed);
-    auto target = std::make_unique<Blas>(gpu_);
+    auto target = newStructure<Blas>();
     deserialize(data, *target);
     // "Before using the deserialized acceleration structure, the micromaps must be deserialized"
     // (vkCmdCopyAccelerationStructureToMemoryKHR)
@@ -435,7 +435,7 @@ void BuiltCase::reloadTop(const Step &step)
     }
     if (!addresses.empty())
         replaceAddresses(data, true, addresses, needed);
-    auto target = std::make_unique<Tlas>(gpu_);
+    auto target = newStructure<Tlas>();
     deserialize(data, *target);
     top_ = std::move(target);
 }
@@ -445,9 +445,9 @@ void BuiltCase::reloadTop(const Step &step)
 void BuiltCase::moveObject(Bottom &moved, uint32_t other)
 {
     Bottom &built = bottoms_[other];
-    auto clone = std::make_unique<Blas>(gpu_);
+    auto clone = newStructure<Blas>();
     clone->create(moved.structure->size());
-    auto over = std::make_unique<Blas>(gpu_);
+    auto over = newStructure<Blas>();
     over->useMemoryOf(*moved.structure);
     over->prepare(built.geometries, built.flags);
     execute(

@@ -26,8 +26,9 @@ enum class BuildCommand {
 // discards a dispatch that follows each build and copy, except before rays.
 enum class Conditional {
     None,
-    False,        // the predicate is false
-    InvertedTrue, // it is inverted, and the predicate is true
+    False,          // the predicate is false
+    InvertedTrue,   // it is inverted, and the predicate is true
+    FalseAtAddress, // as False, by vkCmdBeginConditionalRendering2EXT
 };
 
 struct BuildPlan {
@@ -54,6 +55,17 @@ struct BuildPlan {
     // builds the top level builds an unrelated object first.
     bool unrelated = false;
     bool otherTop = false; // the command that builds the top level builds another one of other instances as well
+    // The memory of what builds read: members of BuildInputs::Plan. Late: Memory::Apart only.
+    bool sharedInputs = false;
+    bool aliasedInputs = false;
+    bool lateInputs = false;
+    bool rerecorded = false; // each command buffer of builds, copies and updates is recorded twice, and then executed
+    // `single`: builds of micromaps, of objects, and of the top level with the rays are in three command buffers of one
+    // submission, which are recorded in reverse order.
+    bool backwards = false;
+    // A second device carries out the same, in memory apart: something of it while each command buffer of the first one
+    // is recorded. Not with threads.
+    bool secondDevice = false;
 };
 
 // Something that is done after everything was built and before rays are traced. The top level is built after all steps
@@ -99,7 +111,9 @@ struct Step {
     // content.
     bool structureFirst = false;
     bool mirrored = false; // UpdateObject, RebuildObject: x of vertices and boxes is mirrored
-    bool exact = false;    // a clone is first made as large as VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR reports
+    // A clone is first made as large as VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR reports; the target of an update
+    // (`outOfPlace`) is as large as vkGetAccelerationStructureBuildSizesKHR reports, instead of as its source.
+    bool exact = false;
     bool inPlace = false;  // by the same handle
     bool host = false;     // On a micromap: by host commands
     bool deferred = false; // host commands get a deferred operation
@@ -196,12 +210,19 @@ struct TracePlan {
     bool besideBuild = false;   // traced while another structure is built by the same submission
     // Pipeline, descriptors and push constants are bound before the builds of the same command buffer.
     bool boundFirst = false;
+    bool pipelineLast = false;  // boundFirst: the pipeline or shader object is bound after the builds
     bool maintenance6 = false;  // by vkCmdBindDescriptorSets2KHR and vkCmdPushConstants2KHR
+    bool twice = false;         // the command buffer that traces is submitted twice
     Query query = Query::Plain; // Query; other than Plain: in the compute stage, not byAddress
     // Query: the module went through spirv-opt; in the compute stage, not byAddress, with flags of run time.
     bool optimized = false;
     bool signedFlags = false;   // ray flags are a signed integer
     bool shaderObjects = false; // Query, in a compute shader: VK_EXT_shader_object
+    // Query, in a compute shader: a pipeline is bound before the shader object, or a shader object before the pipeline.
+    bool rebound = false;
+    // Query, in a vertex shader: the numbers of rays come from vertex buffers, bound by vkCmdBindVertexBuffers3KHR, and
+    // by an index buffer, bound by vkCmdBindIndexBuffer3KHR. With a descriptor and flags of run time
+    bool vertexBuffers = false;
     // Pipeline
     PipelinePlan pipeline;
     std::vector<PipelinePlan> otherPipelines; // alive at the same time; their traces follow in the command buffer
@@ -212,7 +233,8 @@ struct TracePlan {
     From from = From::RayGeneration;
     bool flags2 = false;      // VkPipelineCreateFlags2CreateInfo
     bool unusedStage = false; // a stage that no group uses
-    LaunchPlan launch;
+    LaunchPlan launch;        // Query: without height and depth
+    HitAttributes attributes = HitAttributes::Vec2;
     uint32_t creation = 0; // of all pipelines: bits of PipelineCreation
     // The ray generation shader executes a callable shader: From::RayGeneration, Flags::RunTime, descriptors, no parts.
     bool callables = false;

@@ -143,6 +143,12 @@ void ofBuild(Archive &archive, T &build)
     archive.value("twice", build.twice, standard.twice);
     archive.value("unrelated", build.unrelated, standard.unrelated);
     archive.value("otherTop", build.otherTop, standard.otherTop);
+    archive.value("sharedInputs", build.sharedInputs, standard.sharedInputs);
+    archive.value("aliasedInputs", build.aliasedInputs, standard.aliasedInputs);
+    archive.value("lateInputs", build.lateInputs, standard.lateInputs);
+    archive.value("rerecorded", build.rerecorded, standard.rerecorded);
+    archive.value("backwards", build.backwards, standard.backwards);
+    archive.value("secondDevice", build.secondDevice, standard.secondDevice);
 }
 
 template <class Archive, class T>
@@ -248,12 +254,16 @@ void ofTrace(Archive &archive, T &trace)
     archive.value("secondary", trace.secondary, standard.secondary);
     archive.value("besideBuild", trace.besideBuild, standard.besideBuild);
     archive.value("boundFirst", trace.boundFirst, standard.boundFirst);
+    archive.value("pipelineLast", trace.pipelineLast, standard.pipelineLast);
     archive.value("maintenance6", trace.maintenance6, standard.maintenance6);
+    archive.value("twice", trace.twice, standard.twice);
     archive.name("query", trace.query, kQueryNames, standard.query);
     archive.value("optimized", trace.optimized, standard.optimized);
     archive.value("signedFlags", trace.signedFlags, standard.signedFlags);
     archive.name("otherEntry", trace.otherEntry, kOtherEntryNames, standard.otherEntry);
     archive.value("shaderObjects", trace.shaderObjects, standard.shaderObjects);
+    archive.value("rebound", trace.rebound, standard.rebound);
+    archive.value("vertexBuffers", trace.vertexBuffers, standard.vertexBuffers);
     archive.object("pipeline", trace.pipeline, [](auto &a, auto &pipeline) { ofPipeline(a, pipeline); });
     archive.list("otherPipelines", trace.otherPipelines, [](auto &a, auto &pipeline) { ofPipeline(a, pipeline); });
     archive.value("tablesInPlace", trace.tablesInPlace, standard.tablesInPlace);
@@ -266,6 +276,7 @@ void ofTrace(Archive &archive, T &trace)
     archive.value("height", trace.launch.height, standard.launch.height);
     archive.value("depth", trace.launch.depth, standard.launch.depth);
     archive.value("commandOffset", trace.launch.offset, standard.launch.offset);
+    archive.name("attributes", trace.attributes, kAttributeNames, standard.attributes);
     archive.bits("creation", trace.creation, kCreationNames);
     archive.value("callables", trace.callables, standard.callables);
     archive.value("withoutMicromaps", trace.withoutMicromaps, standard.withoutMicromaps);

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "check/case/names.h"
+#include "check/oracle/pipeline_fault.h"
 #include "check/oracle/scene_build.h"
 #include "gpu/programs/stage_program.h"
 
@@ -17,6 +18,7 @@ namespace
 using oracle::Hits;
 using oracle::LossyElement;
 using oracle::LossyHit;
+using oracle::Scene;
 
 // Ray flags that distinguish the states of a triangle by whether it is a candidate. None of the rays commits a hit, so
 // that every triangle on the ray is seen.
@@ -54,26 +56,44 @@ void add(LossyStates &states, const LossyHit &hit, const Seen &seen)
                                                   describe(hit.at), nameOfState(known->second), nameOfState(found)));
 }
 
-std::vector<Result> traceProbes(Device &gpu, const Structure &top, std::span<const Ray> rays)
+template <class AnyTracer>
+std::vector<Result> traceProbes(AnyTracer &tracer, const Structure &top, std::span<const Ray> rays)
 {
-    struct Kept {
-        std::unique_ptr<Tracer> tracer;
-    };
-    const std::shared_ptr<Kept> kept = gpu.kept<Kept>();
-    if (!kept->tracer)
-        kept->tracer = std::make_unique<Tracer>(gpu);
     std::vector<Result> results;
     for (size_t at = 0; at < rays.size(); at += StageProgram::kMostRays) {
-        const std::vector<Result> some = kept->tracer->trace(
+        const auto some = tracer.trace(
             top, rays.subspan(at, std::min<size_t>(rays.size() - at, StageProgram::kMostRays)), oracle::kCapacity);
         results.insert(results.end(), some.begin(), some.end());
     }
     return results;
 }
 
+std::vector<Result> traceProbes(Device &gpu, const Structure &top, const Scene &scene, std::span<const Ray> rays,
+                                TracePlan::Method method)
+{
+    struct Kept {
+        std::unique_ptr<Tracer> tracer;
+        std::unique_ptr<PipelineTracer> pipeline;
+    };
+    const std::shared_ptr<Kept> kept = gpu.kept<Kept>();
+    if (method == TracePlan::Method::Query) {
+        if (!kept->tracer)
+            kept->tracer = std::make_unique<Tracer>(gpu);
+        return traceProbes(*kept->tracer, top, rays);
+    }
+    // Every record has an any-hit shader.
+    const oracle::TracedBy by{.table = {.records = {oracle::HitRecord::Full}}};
+    if (!kept->pipeline)
+        kept->pipeline = std::make_unique<PipelineTracer>(
+            gpu, PipelineTracerSetup{.groups = oracle::hitGroups(by.flags), .sbtStride = by.parameters.recordStride});
+    kept->pipeline->setTable(oracle::tableOf(scene, by));
+    return traceProbes(*kept->pipeline, top, rays);
+}
+
 } // namespace
 
-LossyStates lossyStatesIn(Device &gpu, const BuiltCase &built, const oracle::Scene &scene, std::span<const Hits> hits)
+LossyStates lossyStatesIn(Device &gpu, const BuiltCase &built, const Scene &scene, std::span<const Hits> hits,
+                          TracePlan::Method method)
 {
     std::vector<Ray> probes;
     for (size_t i = 0; i < hits.size(); ++i) {
@@ -88,7 +108,7 @@ LossyStates lossyStatesIn(Device &gpu, const BuiltCase &built, const oracle::Sce
             probes.push_back(ray);
         }
     }
-    const std::vector<Result> results = traceProbes(gpu, *built.plainTop(), probes);
+    const std::vector<Result> results = traceProbes(gpu, *built.plainTop(), scene, probes, method);
     LossyStates states;
     auto result = results.begin();
     for (const Hits &ray : hits) {
@@ -129,7 +149,8 @@ LossyStates lossyStatesOfTwin(Device &gpu, const Case &c, const oracle::Scene &s
     for (oracle::Instance &instance : to.instances)
         ++instance.object;
     Device &twin = gpu.twin();
-    const BuiltCase built(twin, plain);
+    BuiltCase built(twin, plain);
+    built.finish();
     LossyStates states = lossyStatesIn(twin, built, scene, hits);
     for (const std::string &fault : twin.takeFaults())
         gpu.fault(fault);

@@ -41,6 +41,7 @@ inline constexpr std::array kConditionalNames{
     Name<Conditional>{Conditional::None, "none"},
     Name<Conditional>{Conditional::False, "false"},
     Name<Conditional>{Conditional::InvertedTrue, "inverted-true"},
+    Name<Conditional>{Conditional::FalseAtAddress, "false-at-address"},
 };
 
 inline constexpr std::array kStepNames{
@@ -184,6 +185,12 @@ inline constexpr std::array kCreationNames{
     Bit{kCreateDeferred, "deferred"},
     Bit{kCreateCached, "cached"},
     Bit{kCreateSeveral, "several"},
+};
+inline constexpr std::array kAttributeNames{
+    Name<HitAttributes>{HitAttributes::Vec2, "vec2"},
+    Name<HitAttributes>{HitAttributes::Scalars, "scalars"},
+    Name<HitAttributes>{HitAttributes::Array, "array"},
+    Name<HitAttributes>{HitAttributes::Wide, "wide"},
 };
 inline constexpr std::array kLaunchNames{
     Name<Launch>{Launch::Direct, "direct"},

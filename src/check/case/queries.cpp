@@ -27,6 +27,11 @@ bool allAvailable(const QueryStates &states, const QueryCommand &command)
                                [](const QueryState &state) { return state.is == Is::Available; });
 }
 
+bool allWereAvailable(const QueryStates &states, const QueryCommand &command)
+{
+    return std::ranges::all_of(std::span(states).subspan(command.first, command.count), &QueryState::wasAvailable);
+}
+
 std::string advance(QueryStates &states, const QueryCommand &command)
 {
     if (hasTargets(command.kind) ? command.targets.empty() || command.count != command.targets.size()
@@ -49,7 +54,7 @@ std::string advance(QueryStates &states, const QueryCommand &command)
         if (!all(Is::Unavailable))
             return "writes queries that are not reset";
         for (size_t i = 0; i < queries.size(); ++i)
-            queries[i] = {Is::Available, command.targets[i]};
+            queries[i] = {Is::Available, command.targets[i], true};
         return {};
     case QueryKind::Read:
         // VUID-vkGetQueryPoolResults-None-09401
@@ -57,9 +62,17 @@ std::string advance(QueryStates &states, const QueryCommand &command)
             return "reads queries that were never reset";
         return command.wait && !all(Is::Available) ? "waits for queries that are not written" : "";
     case QueryKind::Copy:
-        // VUID-vkCmdCopyQueryPoolResults-None-08752, VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-None-13084
-        return all(Is::Available) ? "" : "copies queries that are not available";
-    default: std::ranges::fill(queries, QueryState{.is = Is::Unavailable}); return {};
+        // VUID-vkCmdCopyQueryPoolResults-None-08752, VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-None-13084: "must have
+        // been made available by prior executed commands". They may be reset since; then something must be written.
+        if (!allWereAvailable(states, command))
+            return "copies queries that were never available";
+        return all(Is::Available) || (!command.wait && (command.availability || command.partial))
+                   ? ""
+                   : "copies queries that are not available, and waits, or asks for neither availability nor a part";
+    default:
+        for (QueryState &query : queries)
+            query = {.is = Is::Unavailable, .wasAvailable = query.wasAvailable};
+        return {};
     }
 }
 

@@ -19,7 +19,7 @@ std::string missingForQueries(const Device &gpu, const Case &c)
     using Kind = QueryCommand::Kind;
     using Property = QueryPlan::Property;
     const bool maintenance = gpu.has(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
-    bool exact = std::ranges::any_of(c.steps, &Step::exact);
+    bool exact = std::ranges::any_of(c.steps, [](const Step &step) { return step.exact && !step.outOfPlace; });
     for (const QueryPlan &plan : c.queries) {
         const bool newer = plan.property == Property::Size || plan.property == Property::BottomLevelPointers;
         exact |= newer;
@@ -93,6 +93,8 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
         return "micromapHostCommands is not supported";
     if (c.build.conditional != Conditional::None && !gpu.has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
         return "VK_EXT_conditional_rendering is not supported";
+    if (c.build.conditional == Conditional::FalseAtAddress && !gpu.has(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME))
+        return "VK_KHR_device_address_commands is not supported";
     if (c.build.structures == BuildCommand::Indirect && !gpu.hasIndirectBuilds())
         return "accelerationStructureIndirectBuild is not supported";
     if (std::string lacks = missingForQueries(gpu, c) + missingForFlags(gpu, c.scene); !lacks.empty())
@@ -145,6 +147,47 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
     return sceneRule(gpu, c.trace, after).value_or("");
 }
 
+// BuildPlan::secondDevice: the twin of the device carries out the same case.
+class SecondDevice
+{
+public:
+    // Null: the case has none.
+    static std::unique_ptr<SecondDevice> of(Device &gpu, const Case &c, const oracle::Scene &after,
+                                            std::span<const oracle::Hits> hits)
+    {
+        return c.build.secondDevice ? std::make_unique<SecondDevice>(gpu, c, after, hits) : nullptr;
+    }
+    SecondDevice(Device &gpu, const Case &c, const oracle::Scene &after, std::span<const oracle::Hits> hits)
+        : gpu_(gpu), trace_(c.trace), after_(after), hits_(hits), built_(gpu.twin(), c)
+    {
+    }
+    void advance() { built_.advance(); }
+    // Finishes what is built and traces.
+    void trace()
+    {
+        built_.finish();
+        faults_ = traceFaults(gpu_.twin(), built_.top(), after_, hits_, trace_,
+                              [this](VkCommandBuffer commands) { built_.recordWithRays(commands); });
+        for (const std::string &fault : gpu_.twin().takeFaults())
+            gpu_.fault(fault + " (on the second device)");
+    }
+    // Adds its faults to those of the first device's rays.
+    void addFaults(std::vector<std::string> &faults) const
+    {
+        for (size_t i = 0; i < faults_.size(); ++i)
+            if (faults[i].empty() && !faults_[i].empty())
+                faults[i] = faults_[i] + " (on the second device)";
+    }
+
+private:
+    Device &gpu_;
+    const TracePlan &trace_;
+    const oracle::Scene &after_;
+    std::span<const oracle::Hits> hits_;
+    BuiltCase built_;
+    std::vector<std::string> faults_;
+};
+
 } // namespace
 
 Verdict run(Device &gpu, const Case &c)
@@ -174,12 +217,23 @@ Verdict run(Device &gpu, const Case &c)
     std::vector<std::string> faults;
     {
         BuiltCase built(gpu, c);
+        const std::unique_ptr<SecondDevice> second = SecondDevice::of(gpu, c, after, hits);
+        if (second)
+            built.setBetween([&] { second->advance(); });
+        built.finish();
         PlannedTracer::Record withRays;
-        if (c.build.single || c.trace.besideBuild)
-            withRays = [&](VkCommandBuffer commands) { built.recordWithRays(commands); };
+        if (c.build.single || c.trace.besideBuild || second)
+            withRays = [&](VkCommandBuffer commands) {
+                built.recordWithRays(commands);
+                if (second)
+                    second->trace();
+            };
         faults = traceFaults(gpu, built.top(), after, hits, c.trace, withRays);
+        if (second)
+            second->addFaults(faults);
         if (lossy) {
-            const std::vector<std::string> all = lossyFaults(expected, lossyStatesIn(gpu, built, after, hits), hits);
+            const std::vector<std::string> all =
+                lossyFaults(expected, lossyStatesIn(gpu, built, after, hits, c.trace.method), hits);
             for (size_t i = 0; i < all.size(); ++i)
                 faults[i] = all[i].empty() ? faults[i] : all[i];
         }

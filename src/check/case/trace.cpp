@@ -8,6 +8,7 @@
 #include "check/case/trace_pipelines.h"
 #include "check/oracle/pipeline_fault.h"
 #include "check/oracle/query_fault.h"
+#include "shaders/plain_compute.h"
 
 namespace vellum::check
 {
@@ -131,8 +132,12 @@ private:
     {
         for (Traces *const tracer : tracers)
             tracer->clearResults();
-        const auto bind = [&](VkCommandBuffer commands, const Traces &tracer) {
-            tracer.bind(commands, plan_.maintenance6);
+        const auto bindProgram = [&](VkCommandBuffer commands, const Traces &tracer) {
+            if constexpr (std::is_same_v<Traces, Tracer>) {
+                if (plan_.rebound)
+                    programBefore(tracer).bind(commands);
+            }
+            tracer.bindProgram(commands);
             if constexpr (std::is_same_v<Traces, PipelineTracer>) {
                 if (plan_.dynamicStackSize)
                     gpu_.vk().CmdSetRayTracingPipelineStackSizeKHR(commands, tracer.stackSize());
@@ -143,17 +148,35 @@ private:
                 barrier(commands);
                 if (beside && !plan_.boundFirst)
                     beside(commands);
-                bind(commands, *tracers.front());
+                if (!plan_.pipelineLast)
+                    bindProgram(commands, *tracers.front());
+                tracers.front()->bindSet(commands, plan_.maintenance6);
                 if (beside && plan_.boundFirst)
                     beside(commands);
+                if (plan_.pipelineLast)
+                    bindProgram(commands, *tracers.front());
                 for (Traces *const tracer : tracers) {
-                    if (tracer != tracers.front())
-                        bind(commands, *tracer);
+                    if (tracer != tracers.front()) {
+                        bindProgram(commands, *tracer);
+                        tracer->bindSet(commands, plan_.maintenance6);
+                    }
                     tracer->dispatch(commands);
                 }
                 barrier(commands);
             },
-            plan_.secondary);
+            {.secondary = plan_.secondary, .times = plan_.twice ? 2u : 1u});
+    }
+
+    // TracePlan::rebound: a pipeline where shader objects trace, a shader object where a pipeline does.
+    const StageProgram &programBefore(const Tracer &tracer)
+    {
+        if (!programBefore_)
+            programBefore_ =
+                makeStageProgram(gpu_, tracer.layout(),
+                                 {.words = plain_compute,
+                                  .objectLayout = plan_.shaderObjects ? VK_NULL_HANDLE : tracer.setLayout(),
+                                  .pushSize = sizeof(uint32_t)});
+        return *programBefore_;
     }
 
     template <class Check>
@@ -163,6 +186,7 @@ private:
         std::unique_ptr<Tracer> &tracer = queries_[key(rays)];
         if (!tracer)
             tracer = queryTracer(gpu_, plan_, key(rays));
+        tracer->setLaunch({.command = plan_.launch.command, .offset = plan_.launch.offset});
         tracer->prepare(top, rays, oracle::kCapacity);
         Tracer *const one = tracer.get();
         run(std::span(&one, 1), beside);
@@ -259,6 +283,7 @@ private:
     TracePlan plan_;
     // By the constant flags of rays, or 0.
     std::map<uint32_t, std::unique_ptr<Tracer>> queries_;
+    std::unique_ptr<StageProgram> programBefore_;
     // By the flags and the number of the pipeline: one for each table.
     std::map<std::pair<uint32_t, size_t>, std::vector<std::unique_ptr<PipelineTracer>>> rayPipelines_;
     std::vector<PipelinePlan> pipelines_;
@@ -287,7 +312,8 @@ std::vector<std::string> traceFaults(Device &gpu, const Structure &top, const Sc
     };
     const std::shared_ptr<Tracers> tracers = gpu.kept<Tracers>();
     TracePlan pipelines = plan; // the members that pipelines depend on
-    pipelines.besideBuild = pipelines.boundFirst = pipelines.maintenance6 = pipelines.secondary = false;
+    pipelines.besideBuild = pipelines.boundFirst = pipelines.pipelineLast = false;
+    pipelines.maintenance6 = pipelines.secondary = pipelines.twice = pipelines.rebound = false;
     pipelines.launch = {};
     pipelines.firstDestroyed = pipelines.tablesInPlace = false;
     const auto withoutTables = [](PipelinePlan &pipeline) {

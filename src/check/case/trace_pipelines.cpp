@@ -52,6 +52,16 @@ bool has(const Device &gpu, const char *extension, std::optional<std::string> &m
     return !missing;
 }
 
+// Of commands that trace rays.
+bool hasLaunch(const Device &gpu, Launch command, std::optional<std::string> &missing)
+{
+    if (command == Launch::Indirect && !gpu.hasIndirectTraces())
+        missing = "rayTracingPipelineTraceRaysIndirect is not supported";
+    if (command == Launch::Indirect2 && !gpu.hasIndirectTraces2())
+        missing = "rayTracingPipelineTraceRaysIndirect2 is not supported";
+    return !missing;
+}
+
 std::optional<std::string> missingStage(const Device &gpu, VkShaderStageFlagBits stage)
 {
     VkPhysicalDeviceFeatures features{};
@@ -115,7 +125,13 @@ std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
     if (!pipeline) {
         if (!has(gpu, VK_KHR_RAY_QUERY_EXTENSION_NAME, missing))
             return missing;
-        if (plan.shaderObjects && !has(gpu, "VK_EXT_shader_object", missing))
+        if ((plan.shaderObjects || plan.rebound) && !has(gpu, "VK_EXT_shader_object", missing))
+            return missing;
+        const bool traces = pushStages(plan.stage) == PipelineResources::kStages;
+        if ((plan.vertexBuffers || (plan.launch.command == Launch::Indirect2 && !traces)) &&
+            !has(gpu, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME, missing))
+            return missing;
+        if (traces && !hasLaunch(gpu, plan.launch.command, missing))
             return missing;
         if (plan.mode != TracePlan::Mode::True && !(gpu.khr() && usesMicromaps(gpu)))
             return "the execution mode is part of VK_KHR_opacity_micromap";
@@ -133,10 +149,8 @@ std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
     }
     if (plan.flags2 && !has(gpu, "VK_KHR_maintenance5", missing))
         return missing;
-    if (plan.launch.command == Launch::Indirect && !gpu.hasIndirectTraces())
-        return "rayTracingPipelineTraceRaysIndirect is not supported";
-    if (plan.launch.command == Launch::Indirect2 && !gpu.hasIndirectTraces2())
-        return "rayTracingPipelineTraceRaysIndirect2 is not supported";
+    if (!hasLaunch(gpu, plan.launch.command, missing))
+        return missing;
     if (plan.from != TracePlan::From::RayGeneration && gpu.pipelineProperties().maxRayRecursionDepth < 2)
         return "maxRayRecursionDepth is 1";
     return {};
@@ -145,7 +159,8 @@ std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
 std::unique_ptr<Tracer> queryTracer(Device &gpu, const TracePlan &plan, uint32_t flags)
 {
     const bool constant = plan.flags != TracePlan::Flags::RunTime;
-    const std::span<const uint32_t> module = plan.query != TracePlan::Query::Plain || plan.optimized
+    const std::span<const uint32_t> module = plan.vertexBuffers ? vertexBufferModule()
+                                             : plan.query != TracePlan::Query::Plain || plan.optimized
                                                  ? queryModule(plan.query, constant, plan.optimized)
                                                  : queryModule(plan.stage, constant, plan.byAddress);
     const std::array literals{flags};
@@ -154,7 +169,8 @@ std::unique_ptr<Tracer> queryTracer(Device &gpu, const TracePlan &plan, uint32_t
     TracerSetup setup{.specializedFlags = specializedFlags(plan, flags),
                       .inlineModule = plan.inlineModules,
                       .stage = plan.stage,
-                      .shaderObject = plan.shaderObjects};
+                      .shaderObject = plan.shaderObjects,
+                      .vertexBuffers = plan.vertexBuffers};
     if (gpu.khr() && usesMicromaps(gpu)) {
         words = withMode(words, modeOf(plan), Tracer::kModeConstant);
         if (modeOf(plan) == Mode::Specialized)
@@ -180,6 +196,7 @@ std::unique_ptr<PipelineTracer> pipelineTracer(Device &gpu, const TracePlan &pla
         .specializedFlags = specializedFlags(plan, flags),
         .specializedParameters = plan.flags == TracePlan::Flags::Specialized,
         .groups = oracle::hitGroups(pipeline.flags),
+        .attributes = plan.attributes,
         .sbtOffset = parameters.recordOffset,
         .sbtStride = parameters.recordStride,
         .missIndex = parameters.missIndex,

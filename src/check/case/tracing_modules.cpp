@@ -96,6 +96,7 @@
 #include "shaders/tracer_task_specialized.h"
 #include "shaders/tracer_task_specialized_by_address.h"
 #include "shaders/tracer_vert.h"
+#include "shaders/tracer_vert_buffers.h"
 #include "shaders/tracer_vert_by_address.h"
 #include "shaders/tracer_vert_specialized.h"
 #include "shaders/tracer_vert_specialized_by_address.h"
@@ -171,6 +172,11 @@ const typename Modules::value_type &ofStage(const Modules &modules, VkShaderStag
 }
 
 } // namespace
+
+std::span<const uint32_t> vertexBufferModule()
+{
+    return tracer_vert_buffers;
+}
 
 std::span<const uint32_t> callingModule()
 {

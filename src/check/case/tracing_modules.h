@@ -15,6 +15,8 @@ namespace vellum::check
 std::span<const uint32_t> queryModule(VkShaderStageFlagBits stage, bool specialized, bool byAddress);
 // A compute shader with the query in that form. optimized: by spirv-opt, without specialized flags.
 std::span<const uint32_t> queryModule(TracePlan::Query query, bool specialized, bool optimized);
+// A vertex shader with flags of run time: TracePlan::vertexBuffers.
+std::span<const uint32_t> vertexBufferModule();
 // A ray generation shader with flags of run time, which executes callable shaders as well.
 std::span<const uint32_t> callingModule();
 // VK_SHADER_STAGE_RAYGEN_BIT_KHR, ..._CLOSEST_HIT_... or ..._MISS_.... Specialized and literal flags: by specialization

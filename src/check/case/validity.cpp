@@ -306,7 +306,8 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
     rule(step.kind == Kind::SetStates || reused || !step.inPlace, where, "is not in place");
     rule(step.update || step.kind == Kind::UpdateObject || step.kind == Kind::UpdateTop || !step.outOfPlace, where,
          "is no update");
-    rule(step.kind == Kind::CloneObject || step.kind == Kind::CloneTop || !step.exact, where, "is no clone");
+    rule(step.kind == Kind::CloneObject || step.kind == Kind::CloneTop || step.outOfPlace || !step.exact, where,
+         "is neither a clone nor an update of another structure");
     rule(step.kind == Kind::ReloadObject || step.kind == Kind::ReloadTop || !step.relocated, where,
          "has no addresses of structures or micromaps");
     rule((step.kind == Kind::ReloadObject && step.relocated) || !step.structureFirst, where,
@@ -586,6 +587,10 @@ void checkTrace(const Case &c)
          "trace.otherEntry", "shares a function that ends a task shader");
     rule(!trace.shaderObjects || (trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && !trace.inlineModules),
          "trace.shaderObjects", "needs the compute stage, and is without modules");
+    rule(!trace.rebound || trace.stage == VK_SHADER_STAGE_COMPUTE_BIT, "trace.rebound", "needs the compute stage");
+    rule(!trace.vertexBuffers || (trace.stage == VK_SHADER_STAGE_VERTEX_BIT && !trace.byAddress && !constant),
+         "trace.vertexBuffers", "need the vertex stage, ray flags of run time and a descriptor");
+    rule(isNamed(kAttributeNames, trace.attributes), "trace.attributes", "no such type");
     rule(trace.otherPipelines.size() <= 8 && (!trace.firstDestroyed || !trace.otherPipelines.empty()),
          "trace.otherPipelines", "too many, or none although the first is destroyed");
     const Scene after = sceneAfter(c);
@@ -632,6 +637,9 @@ void checkPlans(const Case &c)
     rule(c.build.spareInstances <= 1000, "build.spareInstances", "{} is too large", c.build.spareInstances);
     rule(c.build.skippedInstances <= 1000, "build.skippedInstances", "{} is too large", c.build.skippedInstances);
     rule(!c.build.single || !c.build.otherTop, "build.otherTop", "is in a command buffer with all builds");
+    rule(!c.build.lateInputs || c.memory == Memory::Apart, "build.lateInputs", "are written to memory that is watched");
+    rule(!c.build.backwards || c.build.single, "build.backwards", "is not single");
+    rule(!c.build.secondDevice || c.build.threads == 1, "build.secondDevice", "is used by several threads");
 }
 
 void check(const Case &c)

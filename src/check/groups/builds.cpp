@@ -111,7 +111,10 @@ Case builds(Random &random, const DeviceLimits &limits)
     c.build.unrelated = chance(random, 40);
     c.build.secondary = chance(random, 30);
     c.build.twice = chance(random, 30);
+    c.build.rerecorded = chance(random, 20);
     c.trace.secondary = chance(random, 30);
+    c.trace.twice = chance(random, 20);
+    varyInputs(random, c);
     return c;
 }
 
@@ -126,6 +129,7 @@ Case geometry(Random &random, const DeviceLimits &limits)
     c.build.instancePointers = chance(random, 30);
     c.build.geometryPointers = chance(random, 50);
     c.build.single = chance(random, 20);
+    varyInputs(random, c);
     if (!c.build.single && limits.indirectBuilds && chance(random, 40)) {
         c.build.structures = BuildCommand::Indirect;
         c.build.spareTriangles = below(random, 4);
@@ -147,6 +151,9 @@ Case single(Random &random, const DeviceLimits &limits)
     Case c{.scene = makeScene(random, smallScene(limits), limits)};
     c.build.single = true;
     c.build.instancePointers = chance(random, 30);
+    c.build.backwards = chance(random, 40);
+    c.trace.twice = chance(random, 20);
+    varyInputs(random, c);
     return c;
 }
 
@@ -183,6 +190,7 @@ Case packed(Random &random, const DeviceLimits &limits)
 {
     Case c = builds(random, limits);
     c.memory = Memory::Packed;
+    c.build.lateInputs = false;
     return c;
 }
 
@@ -190,6 +198,7 @@ Case generic(Random &random, const DeviceLimits &limits)
 {
     Case c = builds(random, limits);
     c.memory = Memory::PackedToTheEnd;
+    c.build.lateInputs = false;
     return c;
 }
 
@@ -209,9 +218,12 @@ Case state(Random &random, const DeviceLimits &limits)
     using Kind = Step::Kind;
     Case c{.scene = makeScene(random, smallScene(limits), limits)};
     if (!limits.has(Fault::ConditionalBuilds) && chance(random, 50))
-        c.build.conditional = chance(random, 50) ? Conditional::InvertedTrue : Conditional::False;
+        c.build.conditional = static_cast<Conditional>(1 + below(random, limits.addressCommands() ? 3 : 2));
     c.build.single = chance(random, 60);
+    c.build.backwards = c.build.single && chance(random, 30);
     c.trace.boundFirst = true;
+    c.trace.pipelineLast = chance(random, 30);
+    c.trace.twice = chance(random, 20);
     c.trace.secondary = chance(random, 30);
     if (!c.build.single) {
         constexpr std::array kinds{Kind::CloneObject,     Kind::ReloadObject,   Kind::CloneMicromap,
@@ -225,6 +237,15 @@ Case state(Random &random, const DeviceLimits &limits)
     else if (!c.trace.secondary && chance(random, 30))
         c.trace.stage = kQueryStages[below(random, kQueryStages.size())];
     c.trace.maintenance6 = limits.maintenance6 && chance(random, 50);
+    if (c.trace.method == TracePlan::Method::Query)
+        c.trace.launch.command = randomCommand(random, limits);
+    c.trace.vertexBuffers =
+        limits.addressCommands() && c.trace.stage == VK_SHADER_STAGE_VERTEX_BIT && chance(random, 60);
+    if (limits.shaderObjects && c.trace.method == TracePlan::Method::Query &&
+        c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && chance(random, 60)) {
+        c.trace.shaderObjects = chance(random, 60);
+        c.trace.rebound = chance(random, 70);
+    }
     return c;
 }
 
@@ -233,7 +254,10 @@ constexpr std::array kBuildsGroups{
         "builds",
         "several micromaps and structures of all kinds by one command, in secondary command buffers, submitted twice; "
         "indirect builds, arrays of pointers, usage counts by pointers, of 0, repeated and in any order, strides of "
-        "triangle arrays, with VK_EXT_opacity_micromap of any number of bytes; data with gaps and overlaps",
+        "triangle arrays, with VK_EXT_opacity_micromap of any number of bytes; data with gaps and overlaps; inputs "
+        "that "
+        "are parts of others, that belong to two buffers, or that are written after the commands are recorded; command "
+        "buffers that are recorded again",
         "vkCmdBuildAccelerationStructuresKHR, vkCmdBuildAccelerationStructuresIndirectKHR, vkCmdBuildMicromapsEXT; "
         "ppUsageCounts; triangleArrayStride; arrayOfPointers; \"Multiple elements with the same format and "
         "subdivisionLevel are allowed\"; VkMicromapTriangleKHR: dataOffset \"is a byte aligned value\"",
@@ -247,7 +271,8 @@ constexpr std::array kBuildsGroups{
           "VkAccelerationStructureBuildRangeInfoKHR; VkGeometryFlagBitsKHR; Inactive Primitives and Instances; "
           "Degenerate Primitives and Instances",
           300, runGroup<geometry>, 250},
-    Group{"one-command-buffer", "builds of all kinds and the rays in one command buffer",
+    Group{"one-command-buffer",
+          "builds of all kinds and the rays in one command buffer, or in three that are recorded in reverse order",
           "Acceleration Structure Build Synchronization: VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, "
           "VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR",
           150, runGroup<single>, 120},
@@ -261,10 +286,12 @@ constexpr std::array kBuildsGroups{
           "VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR; VkAccelerationStructureCreateInfoKHR: size", 150,
           runGroup<generic>, 120},
     Group{"state",
-          "what is bound before a build is still there after it, also by the commands of VK_KHR_maintenance6; builds "
-          "within conditional rendering, and dispatches after them that it discards",
+          "what is bound before a build is still there after it, also by the commands of VK_KHR_maintenance6, a "
+          "shader object after a pipeline, and vertex and index buffers by addresses; the pipeline alone after the "
+          "build; builds within conditional rendering, and dispatches after them that it discards",
           "Command Buffer State: build and copy commands change no bound pipeline, descriptor set or push constants; "
-          "vkCmdBindDescriptorSets2, vkCmdPushConstants2; "
+          "vkCmdBindDescriptorSets2, vkCmdPushConstants2; vkCmdBindShadersEXT; vkCmdBindVertexBuffers3KHR, "
+          "vkCmdBindIndexBuffer3KHR, vkCmdBeginConditionalRendering2EXT; "
           "Conditional Rendering: discards draws, dispatches and clears only, \"Other rendering commands remain "
           "unaffected\", and is \"active\" until vkCmdEndConditionalRenderingEXT",
           120, runGroup<state>, 50},

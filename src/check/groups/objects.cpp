@@ -27,6 +27,7 @@ Case withSteps(Random &random, const DeviceLimits &limits, std::span<const Kind>
     c.build.unrelated = chance(random, 25);
     c.build.secondary = chance(random, 20);
     c.build.twice = chance(random, 20);
+    c.build.rerecorded = chance(random, 15);
     for (oracle::SceneMicromap &micromap : c.scene.micromaps)
         micromap.flags |= chance(random, 60) ? VkBuildMicromapFlagsEXT{VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT} : 0u;
     addSteps(random, c, kinds, 1 + below(random, most), limits);
@@ -90,6 +91,7 @@ Case sequences(Random &random, const DeviceLimits &limits)
     Case c = withSteps(random, limits, kinds, 10);
     c.build.instancePointers = chance(random, 30);
     c.trace.besideBuild = chance(random, 30);
+    c.build.secondDevice = chance(random, 20);
     return c;
 }
 
@@ -147,7 +149,8 @@ constexpr std::array kObjectsGroups{
           "Deferred Host Operations; micromapHostCommands",
           120, runGroup<hostCopies>, 120},
     Group{"updates",
-          "updates in place and to another structure, with other states, indices, positions and instances and with the "
+          "updates in place and to another structure, as large as its source or as queried, with other states, "
+          "indices, positions and instances and with the "
           "same data, after copies, compaction and deserialization",
           "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR: \"the micromaps associated with the "
           "acceleration structure can change on update\"; Acceleration Structure Update Rules: "
@@ -158,7 +161,8 @@ constexpr std::array kObjectsGroups{
           "micromaps, with other instances",
           "vkCmdBuildAccelerationStructuresKHR: each of pInfos names the structure that is built", 80,
           runGroup<rebuilds>, 80},
-    Group{"sequences", "up to ten steps of all kinds, and rays concurrent with a build",
+    Group{"sequences",
+          "up to ten steps of all kinds, and rays concurrent with a build; the same on a second device in between",
           "all sections that the groups copies, serialization and updates name", 250, runGroup<sequences>, 160},
 };
 

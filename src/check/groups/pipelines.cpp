@@ -54,6 +54,11 @@ uint32_t randomCreation(Random &random)
     return chance(random, 25) ? 1 + below(random, kCreateDeferred | kCreateCached | kCreateSeveral) : 0;
 }
 
+HitAttributes randomAttributes(Random &random)
+{
+    return chance(random, 65) ? HitAttributes::Vec2 : static_cast<HitAttributes>(1 + below(random, 3));
+}
+
 From randomFrom(Random &random)
 {
     return chance(random, 60) ? From::RayGeneration : chance(random, 50) ? From::ClosestHit : From::Miss;
@@ -173,6 +178,7 @@ Case pipelineLibraries(Random &random, const DeviceLimits &limits)
     c.trace.inlineModules = chance(random, 30);
     c.trace.flags2 = chance(random, 30);
     c.trace.dynamicStackSize = chance(random, 20);
+    c.trace.attributes = randomAttributes(random);
     c.trace.creation = randomCreation(random);
     if (chance(random, 20))
         c.trace.pipeline.flags = randomFlags(random, c, false);
@@ -195,6 +201,7 @@ Case pipelinePlans(Random &random, const DeviceLimits &limits)
     c.trace.unusedStage = chance(random, 20);
     c.trace.creation = randomCreation(random);
     c.trace.launch = randomLaunch(random);
+    c.trace.attributes = randomAttributes(random);
     c.trace.callables = c.trace.from == From::RayGeneration && !c.trace.byAddress && chance(random, 30);
     c.trace.withoutMicromaps = !scene.micromaps && chance(random, 70);
     c.trace.pipeline.flags = randomFlags(random, c, true);
@@ -303,6 +310,7 @@ Case severalPipelines(Random &random, const DeviceLimits &limits)
     for (uint32_t i = 1 + (chance(random, 20) ? 1 : 0); i > 0; --i)
         c.trace.otherPipelines.push_back(randomPipeline());
     c.trace.firstDestroyed = chance(random, 50);
+    c.trace.twice = chance(random, 20);
     c.trace.creation = randomCreation(random);
     c.trace.launch = randomLaunch(random);
     c.trace.dynamicStackSize = chance(random, 20);
@@ -327,7 +335,8 @@ Case indirectTraces(Random &random, const DeviceLimits &limits)
 
 constexpr std::array kPipelinesGroups{
     Group{"pipeline-plans",
-          "ray tracing pipelines with inline modules, stack sizes, recursion, callable shaders and create flags, which "
+          "ray tracing pipelines with inline modules, stack sizes, recursion, callable shaders, hit attributes of "
+          "several types and create flags, which "
           "skip triangles or promise shaders; created by deferred operations, with caches, several at once",
           "vkCreateRayTracingPipelinesKHR; VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_KHR, "
           "..._SKIP_TRIANGLES_BIT_KHR, ..._SKIP_AABBS_BIT_KHR, ..._NO_NULL_..._SHADERS_BIT_KHR; "

@@ -100,24 +100,25 @@ private:
             targets.push_back(targets_[below(random_, static_cast<uint32_t>(targets_.size()))]);
         return targets;
     }
-    // A range of queries with this property, which includes a random one; empty if no query has it.
-    std::pair<uint32_t, uint32_t> rangeOf(Is is)
+    // A range of queries that have a property, which includes a random one; empty if no query has it.
+    template <class Has>
+    std::pair<uint32_t, uint32_t> rangeOf(const Has &has)
     {
         std::vector<uint32_t> firsts;
         for (uint32_t i = 0; i < plan_.count; ++i)
-            if (states_[i].is == is)
+            if (has(states_[i]))
                 firsts.push_back(i);
         if (firsts.empty())
             return {};
         const uint32_t first = firsts[below(random_, static_cast<uint32_t>(firsts.size()))];
         uint32_t end = first;
-        while (end < plan_.count && states_[end].is == is)
+        while (end < plan_.count && has(states_[end]))
             ++end;
         return {first, 1 + below(random_, end - first)};
     }
     void write()
     {
-        const auto [first, count] = rangeOf(Is::Unavailable);
+        const auto [first, count] = rangeOf([](const QueryState &query) { return query.is == Is::Unavailable; });
         if (count > 0)
             add({.kind = CommandKind::Write, .first = first, .count = count, .targets = someTargets(count)});
     }
@@ -140,11 +141,16 @@ private:
     }
     void copy()
     {
-        const auto [first, count] = rangeOf(Is::Available);
+        // Some were reset since they were available.
+        const bool reset = chance(random_, 40);
+        const auto [first, count] = rangeOf(
+            [reset](const QueryState &query) { return reset ? query.wasAvailable : query.is == Is::Available; });
         if (count == 0)
             return;
         QueryCommand command = results(CommandKind::Copy, first, count);
-        command.wait = chance(random_, 60);
+        const bool available = allAvailable(states_, command);
+        command.wait = available && chance(random_, 60);
+        command.availability |= !available && !command.partial;
         command.byAddress = limits_.api == Api::Khr && chance(random_, 40);
         command.offset = below(random_, 4);
         add(std::move(command));
@@ -196,7 +202,7 @@ constexpr std::array kQueriesGroups{
     Group{"queries",
           "sizes of micromaps and structures by several queries of a pool: ranges, strides, 32 and 64 bits, "
           "availability, "
-          "copies of results, resets by device and host, host queries",
+          "copies of results, also of queries that were reset since, resets by device and host, host queries",
           "vkCmdWriteAccelerationStructuresPropertiesKHR, vkCmdWriteMicromapsPropertiesEXT, "
           "vkWriteMicromapsPropertiesEXT, vkGetQueryPoolResults, vkCmdCopyQueryPoolResults, "
           "vkCmdCopyQueryPoolResultsToMemoryKHR, vkCmdResetQueryPool, vkResetQueryPool",

@@ -142,6 +142,7 @@ DeviceLimits limitsOf(const Device &gpu)
             .hostReset = gpu.hasHostQueryReset(),
             .maintenance = gpu.has(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME),
             .maintenance6 = gpu.has("VK_KHR_maintenance6"),
+            .shaderObjects = gpu.has("VK_EXT_shader_object"),
             .dataAccess = gpu.has("VK_KHR_ray_tracing_position_fetch"),
             .maxLevel2 = std::max(gpu.maxLevel(kTwoState), kRequiredLevel),
             .maxLevel4 = std::max(gpu.maxLevel(kFourState), kRequiredLevel),
@@ -304,6 +305,7 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind 
             return {};
         step.update = false;
         step.outOfPlace = chance(random, 50);
+        step.exact = step.outOfPlace && chance(random, 50);
         step.instances = scene.instances;
         for (oracle::Instance &instance : step.instances) {
             const oracle::Instance before = instance;
@@ -342,6 +344,7 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind 
         step.mirrored = (kind == Kind::UpdateObject || kind == Kind::RebuildObject) && chance(random, 40);
         step.update &= kind == Kind::RebuildObjects;
         step.outOfPlace &= step.update || kind == Kind::UpdateObject;
+        step.exact |= step.outOfPlace && chance(random, 50);
         step.target = below(random, objects);
         step.other = below(random, objects);
         if (kind == Kind::ReloadObject && limits.api == Api::Khr && limits.has(Fault::LayerSerializedStructures) &&
@@ -396,6 +399,31 @@ void terminateSome(Random &random, oracle::Scene &scene)
     for (Ray &ray : scene.rays)
         if (chance(random, 15))
             ray.rule = kTerminate;
+}
+
+void varyInputs(Random &random, Case &c)
+{
+    c.build.sharedInputs = chance(random, 30);
+    c.build.aliasedInputs = chance(random, 25);
+    c.build.lateInputs = c.memory == Memory::Apart && chance(random, 25);
+    // A micromap begins with the data of the one before it, or that one with its data.
+    std::vector<oracle::SceneMicromap> &micromaps = c.scene.micromaps;
+    for (size_t m = 1; c.build.sharedInputs && m < micromaps.size(); ++m) {
+        const oracle::SceneMicromap &from = micromaps[m - 1];
+        if (((from.flags ^ micromaps[m].flags) & kLossy) != 0 || chance(random, 30))
+            continue;
+        micromaps[m].layout = from.layout;
+        micromaps[m].triangleStride = from.triangleStride;
+        std::copy_n(from.triangles.begin(), std::min(from.triangles.size(), micromaps[m].triangles.size()),
+                    micromaps[m].triangles.begin());
+    }
+}
+
+Launch randomCommand(Random &random, const DeviceLimits &limits)
+{
+    return chance(random, 60)                               ? Launch::Direct
+           : limits.addressCommands() && chance(random, 60) ? Launch::Indirect2
+                                                            : Launch::Indirect;
 }
 
 void setRecords(Random &random, Case &c)

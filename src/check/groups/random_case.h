@@ -25,6 +25,7 @@ struct DeviceLimits {
     bool hostReset = false;   // of queries
     bool maintenance = false; // VK_KHR_ray_tracing_maintenance1
     bool maintenance6 = false;
+    bool shaderObjects = false;
     bool dataAccess = false; // VK_KHR_ray_tracing_position_fetch
     uint32_t maxLevel2 = 0, maxLevel4 = 0, maxLossyLevel = 0;
     std::vector<VkFormat> vertexFormats = {kVertexFormats.begin(), kVertexFormats.begin() + kRequiredVertexFormats};
@@ -33,6 +34,8 @@ struct DeviceLimits {
     // Only VK_KHR_opacity_micromap demands multiples of 4:
     // VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11647.
     [[nodiscard]] bool oddStrides() const { return api == Api::Ext; }
+    // VK_KHR_device_address_commands, on which VK_KHR_opacity_micromap depends.
+    [[nodiscard]] bool addressCommands() const { return api == Api::Khr; }
     [[nodiscard]] bool has(Fault fault) const
     {
         return std::ranges::any_of(faults, [fault](const KnownFault &known) { return known.fault == fault; });
@@ -80,6 +83,10 @@ void fixFlags(Random &random, Case &c);
 void terminateSome(Random &random, oracle::Scene &scene);
 // Record offsets of instances, which any ray of the case's pipelines may use: triangles and boxes reach different ones.
 void setRecords(Random &random, Case &c);
+// How the inputs of builds lie in memory, and when they are written; some micromaps get the states of others.
+void varyInputs(Random &random, Case &c);
+// A command of that form for the case's shader.
+Launch randomCommand(Random &random, const DeviceLimits &limits);
 // Flags that nothing needs, and inputs that are stated in unusual forms. makeScene does it.
 void varyBuilds(Random &random, oracle::Scene &scene, const DeviceLimits &limits);
 // All micromaps have the sizes that builds on the host need.

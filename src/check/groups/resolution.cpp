@@ -231,6 +231,10 @@ Case stages(Random &random, const DeviceLimits &limits)
         fixFlags(random, c);
     c.trace.otherEntry = otherEntry(random, c.trace.stage, 25);
     c.trace.signedFlags = chance(random, 15);
+    c.trace.launch.command = randomCommand(random, limits);
+    c.trace.launch.offset = chance(random, 50) ? below(random, 70) : 0;
+    c.trace.vertexBuffers = limits.addressCommands() && c.trace.stage == VK_SHADER_STAGE_VERTEX_BIT &&
+                            !c.trace.byAddress && c.trace.flags == TracePlan::Flags::RunTime && chance(random, 60);
     return c;
 }
 
@@ -299,7 +303,7 @@ constexpr std::array kResolutionGroups{
     Group{
         "lossy",
         "lossy builds, copies and updates: a state may become unknown, and nothing else; it is the same as in an equal "
-        "build on a second device",
+        "build on a second device, for ray queries and pipelines",
         "Ray Opacity Micromap: \"the implementation may substitute any element's state value with "
         "VK_OPACITY_MICROMAP_SPECIAL_INDEX_FULLY_UNKNOWN_TRANSPARENT_KHR or "
         "VK_OPACITY_MICROMAP_SPECIAL_INDEX_FULLY_UNKNOWN_OPAQUE_KHR\"; \"The implementation, on an identically created "
@@ -307,7 +311,9 @@ constexpr std::array kResolutionGroups{
         "and micromaps constructed with an equivalent shape and data\"",
         150, runGroup<lossy>, 80},
     Group{
-        "stages", "ray queries in every stage, with ray flags of run time, specialized and literal ones",
+        "stages",
+        "ray queries in every stage, with ray flags of run time, specialized and literal ones, by direct and indirect "
+        "commands, also of VK_KHR_device_address_commands",
         "OpRayQueryInitializeKHR in each stage; OpExecutionModeId OpacityMicromapIdKHR with a specialization constant",
         200, runGroup<stages>, 30},
     Group{"query-objects",

@@ -1,12 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gpu/programs/graphics.h"
 
+#include <algorithm>
+
+#include "gpu/micromap_commands.h"
+
 namespace vellum::gpu
 {
 namespace
 {
 
 constexpr VkFormat kFormat = VK_FORMAT_R8G8B8A8_UNORM;
+// Of the vertex buffers
+constexpr uint32_t kFirstBinding = 1;
+constexpr std::array<uint32_t, 2> kVertexStrides{4, 12};
 
 } // namespace
 
@@ -58,7 +65,7 @@ void RowState::setIn(VkGraphicsPipelineCreateInfo &pipeline) const
 }
 
 Graphics::Graphics(Device &gpu, VkPipelineLayout layout, const Shaders &shaders, uint32_t width)
-    : gpu_(gpu), width_(width), mesh_(!shaders.mesh.empty()),
+    : gpu_(gpu), width_(width), mesh_(!shaders.mesh.empty()), vertexBuffers_(shaders.vertexBuffers),
       image_(gpu, kFormat, width, VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT)
 {
     const VkDevice device = gpu.device();
@@ -88,7 +95,18 @@ Graphics::Graphics(Device &gpu, VkPipelineLayout layout, const Shaders &shaders,
             stage.module = gpu.shader(source.original);
         stages.push_back(stage);
     }
+    constexpr std::array<VkVertexInputBindingDescription, 2> kBindings{
+        {{kFirstBinding, kVertexStrides[0], VK_VERTEX_INPUT_RATE_VERTEX},
+         {kFirstBinding + 1, kVertexStrides[1], VK_VERTEX_INPUT_RATE_VERTEX}}};
+    constexpr std::array<VkVertexInputAttributeDescription, 2> kAttributes{
+        {{0, kFirstBinding, VK_FORMAT_R32_UINT, 0}, {1, kFirstBinding + 1, VK_FORMAT_R32_UINT, 0}}};
     auto input = vkInit<VkPipelineVertexInputStateCreateInfo>();
+    if (vertexBuffers_) {
+        input.vertexBindingDescriptionCount = kBindings.size();
+        input.pVertexBindingDescriptions = kBindings.data();
+        input.vertexAttributeDescriptionCount = kAttributes.size();
+        input.pVertexAttributeDescriptions = kAttributes.data();
+    }
     auto assembly = vkInit<VkPipelineInputAssemblyStateCreateInfo>({.topology = shaders.topology});
     RowState state(kFormat, width);
     state.rendering.pNext = shaders.pNext;
@@ -141,7 +159,92 @@ Graphics::~Graphics()
         vkDestroyPipeline(gpu_.device(), part, nullptr);
 }
 
+void Graphics::bind(VkCommandBuffer commands) const
+{
+    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline_);
+    if (indices_.size() == 0)
+        return;
+    std::array<VkBindVertexBuffer3InfoKHR, 2> infos{};
+    for (size_t i = 0; i < infos.size(); ++i)
+        infos[i] = vkInit<VkBindVertexBuffer3InfoKHR>(
+            {.addressRange = {numbers_[i].address(), numbers_[i].size(), 0}, .addressFlags = kUnknownUsage});
+    gpu_.vk().CmdBindVertexBuffers3KHR(commands, kFirstBinding, infos.size(), infos.data());
+    const auto indices = vkInit<VkBindIndexBuffer3InfoKHR>({.addressRange = {indices_.address(), indices_.size()},
+                                                            .addressFlags = kUnknownUsage,
+                                                            .indexType = VK_INDEX_TYPE_UINT32});
+    gpu_.vk().CmdBindIndexBuffer3KHR(commands, &indices);
+}
+
+void Graphics::prepare(const LaunchPlan &launch, uint32_t vertices)
+{
+    vertices_ = vertices;
+    if (mesh_)
+        command_ = IndirectCommand(gpu_, launch, VkDrawMeshTasksIndirectCommandEXT{vertices, 1, 1});
+    else if (vertexBuffers_)
+        command_ = IndirectCommand(gpu_, launch, VkDrawIndexedIndirectCommand{vertices, 1, 0, 0, 0});
+    else
+        command_ = IndirectCommand(gpu_, launch, VkDrawIndirectCommand{vertices, 1, 0, 0});
+    if (!vertexBuffers_)
+        return;
+    const size_t count = std::max(vertices, 1u);
+    std::vector<uint32_t> indices(count);
+    std::array<std::vector<uint32_t>, 2> numbers;
+    for (size_t b = 0; b < numbers.size(); ++b)
+        numbers[b].resize(count * kVertexStrides[b] / 4);
+    for (uint32_t i = 0; i < count; ++i) {
+        indices[i] = static_cast<uint32_t>(count) - 1 - i;
+        const uint32_t subtrahend = i * 0x9e3779b1u + 77;
+        numbers[0][i * kVertexStrides[0] / 4] = i + subtrahend;
+        numbers[1][i * kVertexStrides[1] / 4] = subtrahend;
+    }
+    indices_ = gpu_.upload(std::span<const uint32_t>(indices), VK_BUFFER_USAGE_INDEX_BUFFER_BIT);
+    for (size_t b = 0; b < numbers.size(); ++b)
+        numbers_[b] = gpu_.upload(std::span<const uint32_t>(numbers[b]), VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
+}
+
+void Graphics::recordDraw(VkCommandBuffer commands) const
+{
+    const Commands &vk = gpu_.vk();
+    constexpr uint32_t kOne = 1;
+    switch (command_.kind()) {
+    case Launch::Direct:
+        return mesh_            ? vk.CmdDrawMeshTasksEXT(commands, vertices_, 1, 1)
+               : vertexBuffers_ ? vkCmdDrawIndexed(commands, vertices_, 1, 0, 0, 0)
+                                : vkCmdDraw(commands, vertices_, 1, 0, 0);
+    case Launch::Indirect: {
+        const auto draw = mesh_            ? vk.CmdDrawMeshTasksIndirectEXT
+                          : vertexBuffers_ ? &vkCmdDrawIndexedIndirect
+                                           : &vkCmdDrawIndirect;
+        return draw(commands, command_.buffer(), command_.offset(), kOne, 0);
+    }
+    case Launch::Indirect2: {
+        const VkDeviceAddressRangeKHR range = command_.range();
+        const auto info = vkInit<VkDrawIndirect2InfoKHR>(
+            {.addressRange = {range.address, range.size, 0}, .addressFlags = kUnknownUsage, .drawCount = kOne});
+        const auto draw = mesh_            ? vk.CmdDrawMeshTasksIndirect2EXT
+                          : vertexBuffers_ ? vk.CmdDrawIndexedIndirect2KHR
+                                           : vk.CmdDrawIndirect2KHR;
+        return draw(commands, &info);
+    }
+    }
+}
+
+void Graphics::draw(VkCommandBuffer commands) const
+{
+    render(commands, [&] { recordDraw(commands); });
+}
+
 void Graphics::draw(VkCommandBuffer commands, uint32_t vertices) const
+{
+    render(commands, [&] {
+        if (mesh_)
+            gpu_.vk().CmdDrawMeshTasksEXT(commands, vertices, 1, 1);
+        else
+            vkCmdDraw(commands, vertices, 1, 0, 0);
+    });
+}
+
+void Graphics::render(VkCommandBuffer commands, const std::function<void()> &drawing) const
 {
     auto ready = vkInit<VkImageMemoryBarrier2>({.dstStageMask = VK_PIPELINE_STAGE_2_COLOR_ATTACHMENT_OUTPUT_BIT,
                                                 .dstAccessMask = VK_ACCESS_2_COLOR_ATTACHMENT_WRITE_BIT,
@@ -160,10 +263,7 @@ void Graphics::draw(VkCommandBuffer commands, uint32_t vertices) const
                                               .colorAttachmentCount = 1,
                                               .pColorAttachments = &attachment});
     vkCmdBeginRendering(commands, &rendering);
-    if (mesh_)
-        gpu_.vk().CmdDrawMeshTasksEXT(commands, vertices, 1, 1);
-    else
-        vkCmdDraw(commands, vertices, 1, 0, 0);
+    drawing();
     vkCmdEndRendering(commands);
 }
 

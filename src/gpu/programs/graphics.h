@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "gpu/device.h"
+#include "gpu/launch_plan.h"
 
 namespace vellum::gpu
 {
@@ -59,25 +59,35 @@ public:
         bool libraries = false;                               // it is linked of four (VK_EXT_graphics_pipeline_library)
         std::span<const uint32_t> geometry, task, mesh;       // mesh: instead of a vertex shader
         const VkSpecializationInfo *specialization = nullptr; // of all shaders
+        // Vertices have two numbers, whose difference is the number of the vertex, in buffers that are bound by
+        // addresses, and come by indices. They are drawn once, in reverse order. VK_KHR_device_address_commands
+        bool vertexBuffers = false;
     };
     Graphics(Device &gpu, VkPipelineLayout layout, const Shaders &shaders, uint32_t width);
     Graphics(const Graphics &) = delete;
     Graphics &operator=(const Graphics &) = delete;
     ~Graphics();
 
-    void bind(VkCommandBuffer commands) const
-    {
-        vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline_);
-    }
+    void bind(VkCommandBuffer commands) const;
     // Renders with whatever is bound; with a mesh shader that many workgroups.
     void draw(VkCommandBuffer commands, uint32_t vertices) const;
+    // The same by a command of that form.
+    void prepare(const LaunchPlan &launch, uint32_t vertices);
+    void draw(VkCommandBuffer commands) const;
 
 private:
     void link(const VkGraphicsPipelineCreateInfo &whole);
+    void render(VkCommandBuffer commands, const std::function<void()> &drawing) const;
+    void recordDraw(VkCommandBuffer commands) const;
 
     Device &gpu_;
     uint32_t width_;
     bool mesh_;
+    bool vertexBuffers_;
+    std::array<Buffer, 2> numbers_; // of vertices
+    Buffer indices_;
+    uint32_t vertices_ = 0;
+    IndirectCommand command_;
     RowImage image_;
     VkPipeline pipeline_ = VK_NULL_HANDLE;
     std::vector<VkPipeline> parts_;

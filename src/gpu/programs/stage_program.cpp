@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gpu/programs/stage_program.h"
 
+#include "gpu/micromap_commands.h"
 #include "gpu/pipeline_builder.h"
 #include "gpu/programs/graphics.h"
 #include "gpu/programs/helper_scene.h"
@@ -18,10 +19,41 @@ namespace
 
 constexpr uint32_t kComputeGroup = 64; // threads
 
-class ComputeProgram : public StageProgram
+class Dispatches : public StageProgram
 {
 public:
-    ComputeProgram(Device &gpu, VkPipelineLayout layout, const StageShader &shader) : gpu_(gpu)
+    explicit Dispatches(Device &gpu) : gpu_(gpu) {}
+    [[nodiscard]] VkPipelineBindPoint point() const override { return VK_PIPELINE_BIND_POINT_COMPUTE; }
+    void prepare(const LaunchPlan &launch, uint32_t count) override
+    {
+        groups_ = (count + kComputeGroup - 1) / kComputeGroup;
+        command_ = IndirectCommand(gpu_, launch, VkDispatchIndirectCommand{groups_, 1, 1});
+    }
+    void launch(VkCommandBuffer commands) const override
+    {
+        switch (command_.kind()) {
+        case Launch::Direct: return vkCmdDispatch(commands, groups_, 1, 1);
+        case Launch::Indirect: return vkCmdDispatchIndirect(commands, command_.buffer(), command_.offset());
+        case Launch::Indirect2: {
+            const auto info =
+                vkInit<VkDispatchIndirect2InfoKHR>({.addressRange = command_.range(), .addressFlags = kUnknownUsage});
+            gpu_.vk().CmdDispatchIndirect2KHR(commands, &info);
+        }
+        }
+    }
+
+protected:
+    Device &gpu_;
+
+private:
+    uint32_t groups_ = 0;
+    IndirectCommand command_;
+};
+
+class ComputeProgram : public Dispatches
+{
+public:
+    ComputeProgram(Device &gpu, VkPipelineLayout layout, const StageShader &shader) : Dispatches(gpu)
     {
         const std::vector<uint32_t> code = gpu.code(shader.words);
         const auto inlined =
@@ -39,15 +71,9 @@ public:
     }
     ~ComputeProgram() override { vkDestroyPipeline(gpu_.device(), pipeline_, nullptr); }
 
-    [[nodiscard]] VkPipelineBindPoint point() const override { return VK_PIPELINE_BIND_POINT_COMPUTE; }
     void bind(VkCommandBuffer commands) const override { vkCmdBindPipeline(commands, point(), pipeline_); }
-    void launch(VkCommandBuffer commands, uint32_t count) const override
-    {
-        vkCmdDispatch(commands, (count + kComputeGroup - 1) / kComputeGroup, 1, 1);
-    }
 
 private:
-    Device &gpu_;
     VkPipeline pipeline_ = VK_NULL_HANDLE;
 };
 
@@ -74,10 +100,10 @@ using CreateShaders = VkResult(VKAPI_PTR *)(VkDevice, uint32_t, const ShaderCrea
 using DestroyShader = void(VKAPI_PTR *)(VkDevice, ShaderObject, const VkAllocationCallbacks *);
 using BindShaders = void(VKAPI_PTR *)(VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *, const ShaderObject *);
 
-class ShaderObjectProgram : public StageProgram
+class ShaderObjectProgram : public Dispatches
 {
 public:
-    ShaderObjectProgram(Device &gpu, const StageShader &shader) : gpu_(gpu)
+    ShaderObjectProgram(Device &gpu, const StageShader &shader) : Dispatches(gpu)
     {
         const std::vector<uint32_t> code = gpu.code(shader.words);
         const VkPushConstantRange range{shader.stage, 0, shader.pushSize};
@@ -93,15 +119,10 @@ public:
     }
     ~ShaderObjectProgram() override { load<DestroyShader>("vkDestroyShaderEXT")(gpu_.device(), object_, nullptr); }
 
-    [[nodiscard]] VkPipelineBindPoint point() const override { return VK_PIPELINE_BIND_POINT_COMPUTE; }
     void bind(VkCommandBuffer commands) const override
     {
         constexpr VkShaderStageFlagBits kStage = VK_SHADER_STAGE_COMPUTE_BIT;
         load<BindShaders>("vkCmdBindShadersEXT")(commands, 1, &kStage, &object_);
-    }
-    void launch(VkCommandBuffer commands, uint32_t count) const override
-    {
-        vkCmdDispatch(commands, (count + kComputeGroup - 1) / kComputeGroup, 1, 1);
     }
 
 private:
@@ -111,7 +132,6 @@ private:
         return reinterpret_cast<Command>(vkGetDeviceProcAddr(gpu_.device(), name));
     }
 
-    Device &gpu_;
     ShaderObject object_ = 0;
 };
 
@@ -121,7 +141,8 @@ Graphics::Shaders graphicsShaders(const StageShader &shader)
                               .fragment = plain_fragment,
                               .inlineModules = shader.inlineModule,
                               .topology = VK_PRIMITIVE_TOPOLOGY_POINT_LIST,
-                              .specialization = shader.specialization};
+                              .specialization = shader.specialization,
+                              .vertexBuffers = shader.vertexBuffers};
     switch (shader.stage) {
     case VK_SHADER_STAGE_VERTEX_BIT: shaders.vertex = shader.words; break;
     case VK_SHADER_STAGE_GEOMETRY_BIT: shaders.geometry = shader.words; break;
@@ -148,10 +169,11 @@ public:
     }
     [[nodiscard]] VkPipelineBindPoint point() const override { return VK_PIPELINE_BIND_POINT_GRAPHICS; }
     void bind(VkCommandBuffer commands) const override { graphics_.bind(commands); }
-    void launch(VkCommandBuffer commands, uint32_t count) const override
+    void prepare(const LaunchPlan &launch, uint32_t count) override
     {
-        graphics_.draw(commands, pixels_ ? 3 : count); // one triangle over all pixels
+        graphics_.prepare(launch, pixels_ ? 3 : count); // one triangle over all pixels
     }
+    void launch(VkCommandBuffer commands) const override { graphics_.draw(commands); }
 
 private:
     bool pixels_;
@@ -169,7 +191,8 @@ public:
     }
     [[nodiscard]] VkPipelineBindPoint point() const override { return VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR; }
     void bind(VkCommandBuffer commands) const override { vkCmdBindPipeline(commands, point(), pipeline_.handle()); }
-    void launch(VkCommandBuffer commands, uint32_t count) const override { table_.trace(commands, count); }
+    void prepare(const LaunchPlan &launch, uint32_t count) override { table_.prepare(launch, count); }
+    void launch(VkCommandBuffer commands) const override { table_.trace(commands); }
     [[nodiscard]] VkDeviceAddress helperScene() const override { return helper_ ? helper_->address() : 0; }
 
 private:

@@ -2,7 +2,7 @@
 // A pipeline that runs one shader, of any stage, once for each of a number of rays.
 #pragma once
 
-#include "gpu/device.h"
+#include "gpu/launch_plan.h"
 
 #include <memory>
 
@@ -17,6 +17,7 @@ struct StageShader {
     // Compute: not null: a shader object (VK_EXT_shader_object) with that set, and push constants of that size.
     VkDescriptorSetLayout objectLayout = VK_NULL_HANDLE;
     uint32_t pushSize = 0;
+    bool vertexBuffers = false; // vertex shader: gets its number from vertex buffers (tracer.glsl, BUFFERS)
 };
 
 class StageProgram
@@ -30,9 +31,13 @@ public:
     virtual ~StageProgram() = default;
 
     [[nodiscard]] virtual VkPipelineBindPoint point() const = 0;
+    // Binds it, and buffers that its commands read.
     virtual void bind(VkCommandBuffer commands) const = 0;
-    // Runs the shader for each number below `count`, for some perhaps repeatedly.
-    virtual void launch(VkCommandBuffer commands, uint32_t count) const = 0;
+    // The next launches run the shader for each number below `count`, for some perhaps repeatedly. The commands are
+    // dispatches, draws or traces: direct ones, indirect ones, or with Launch::Indirect2 vkCmdTraceRaysIndirect2KHR and
+    // those of VK_KHR_device_address_commands.
+    virtual void prepare(const LaunchPlan &launch, uint32_t count) = 0;
+    virtual void launch(VkCommandBuffer commands) const = 0;
     // The scene that launcher.rgen traces; 0 if none.
     [[nodiscard]] virtual VkDeviceAddress helperScene() const { return 0; }
 };

@@ -55,14 +55,32 @@ uint customIndexRead()
 #endif
 #endif
 
-// WIDE: boxes have as many hit attributes as there may be.
-#ifdef WIDE
+// The type of hit attributes other than vec2, of which those of triangles are the first two numbers: SCALARS, ARRAY, or
+// WIDE, where boxes have as many as there may be.
+#if defined(SCALARS)
+struct Scalars {
+    float u;
+    float v;
+};
+#define ATTRIBUTES hitAttributeEXT Scalars scalars;
+#define ATTRIBUTE_U scalars.u
+#define ATTRIBUTE_V scalars.v
+#define WRITE_WIDE
+#define ATTRIBUTES_RIGHT true
+#elif defined(ARRAY)
+#define ATTRIBUTES hitAttributeEXT float array[2];
+#define ATTRIBUTE_U array[0]
+#define ATTRIBUTE_V array[1]
+#define WRITE_WIDE
+#define ATTRIBUTES_RIGHT true
+#elif defined(WIDE)
 struct Wide {
     vec2 uv;
     float more[6];
 };
 #define ATTRIBUTES hitAttributeEXT Wide wide;
-#define attributes wide.uv
+#define ATTRIBUTE_U wide.uv.x
+#define ATTRIBUTE_V wide.uv.y
 #define WRITE_WIDE                                                                                                     \
     for (int i = 0; i < 6; ++i)                                                                                        \
         wide.more[i] = wide.uv.x * float(i + 3);
@@ -71,6 +89,8 @@ struct Wide {
      wide.more[3] == wide.uv.x * 6.0 && wide.more[4] == wide.uv.x * 7.0 && wide.more[5] == wide.uv.x * 8.0)
 #else
 #define ATTRIBUTES hitAttributeEXT vec2 attributes;
+#define ATTRIBUTE_U attributes.x
+#define ATTRIBUTE_V attributes.y
 #define WRITE_WIDE
 #define ATTRIBUTES_RIGHT true
 #endif
@@ -220,8 +240,8 @@ void main()
     payload.geometry = uint(gl_GeometryIndexEXT);
     payload.primitive = uint(gl_PrimitiveID);
     payload.t = gl_HitTEXT;
-    payload.u = ATTRIBUTES_RIGHT ? attributes.x : -1.0;
-    payload.v = attributes.y;
+    payload.u = payload.committed == 1u || ATTRIBUTES_RIGHT ? ATTRIBUTE_U : -1.0;
+    payload.v = ATTRIBUTE_V;
     payload.tMin = gl_RayTminEXT;
     payload.record = recordRead();
 }
@@ -241,8 +261,8 @@ void main()
     c.geometry = uint(gl_GeometryIndexEXT);
     c.primitive = uint(gl_PrimitiveID);
     c.t = gl_HitTEXT;
-    c.u = ATTRIBUTES_RIGHT ? attributes.x : -1.0;
-    c.v = attributes.y;
+    c.u = triangle || ATTRIBUTES_RIGHT ? ATTRIBUTE_U : -1.0;
+    c.v = ATTRIBUTE_V;
     const bool accepted = confirms(payload.rule, c.customIndex, c.instance, c.geometry, c.primitive);
     c.bits = (triangle ? 0u : 1u) | (gl_HitKindEXT == gl_HitKindFrontFacingTriangleEXT ? 4u : 0u) |
              (accepted ? 8u : 0u);
@@ -291,7 +311,8 @@ void main()
     const uint at = id * push.capacity + count;
     if (t > 0.0) {
         v.reported = 1u; // stays where the any-hit shader ends the ray, and this invocation with it
-        attributes = vec2(float(v.primitive) + 0.25, float(v.geometry) + 0.5);
+        ATTRIBUTE_U = float(v.primitive) + 0.25;
+        ATTRIBUTE_V = float(v.geometry) + 0.5;
         WRITE_WIDE
     }
     if (count < push.capacity)

@@ -15,6 +15,10 @@ void main()
 {
     SetMeshOutputsEXT(0u, 0u);
 }
+#elif defined(COMPUTE)
+void main()
+{
+}
 #elif defined(VERTEX)
 void main()
 {

@@ -8,6 +8,7 @@
 //   RAY_FLAGS=n   the ray flags are this constant instead of the ray's own
 //   SPEC_FLAGS    they are a specialization constant
 //   BY_ADDRESS    the acceleration structure comes as a device address
+//   BUFFERS       the number of the vertex is the difference of two attributes
 //   IN_ARRAY, IN_FUNCTIONS, AGAIN, SITES, GETTERS, IN_CONDITION, CARRIED   TracePlan::Query
 #ifdef BY_ADDRESS
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
@@ -258,9 +259,16 @@ void main()
     traceRay(gl_GlobalInvocationID.x);
 }
 #elif defined(VERTEX)
+#ifdef BUFFERS
+layout(location = 0) in uint minuend;
+layout(location = 1) in uint subtrahend;
+#define NUMBER (minuend - subtrahend)
+#else
+#define NUMBER uint(gl_VertexIndex)
+#endif
 void main()
 {
-    traceRay(uint(gl_VertexIndex));
+    traceRay(NUMBER);
     gl_Position = vec4(0.0, 0.0, 0.0, 1.0);
     gl_PointSize = 1.0;
 }
