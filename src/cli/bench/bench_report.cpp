@@ -93,8 +93,12 @@ void addFrames(const PartResult &result, std::vector<std::string> &verdict)
                             result.part.trace == render::Trace::Query ? "ray queries" : "a ray tracing pipeline",
                             implementationOf(result.part), heavy ? "heavy" : "plain", levels));
     }
+}
+
+void addDifferences(const PartResult &result, std::vector<std::string> &verdict)
+{
     uint64_t differing = 0;
-    for (const Row &row : rows)
+    for (const Row &row : rowsOf(result, "frame"))
         differing += row["differingPixels"].GetUint64();
     if (differing > 0)
         verdict.push_back(fmt::format("{} pixels of these frames differ from those of the alpha test.", differing));
@@ -119,7 +123,8 @@ void addBuilds(const PartResult &result, std::vector<std::string> &verdict)
 
 // Other programs slow both sides of a comparison, but not equally. Their work on the GPU spreads the times of frames:
 // without them, the middle half of the ratios lies within a few hundredths.
-void addNoise(const std::vector<PartResult> &results, std::vector<std::string> &verdict)
+// Returns the sentence about it; empty if it is quiet.
+std::string noiseOf(const std::vector<PartResult> &results)
 {
     constexpr double kBusy = 0.2;
     constexpr double kWide = 0.1;
@@ -137,14 +142,14 @@ void addNoise(const std::vector<PartResult> &results, std::vector<std::string> &
                 ++wide;
         }
     }
+    constexpr const char *kAgain = "Noisy: run again. No times are compared: ";
     if (others > kBusy)
-        verdict.push_back(
-            fmt::format("Noisy: run again. Other programs took up to {:.0f} % of the processors.", 100 * others));
-    else if (3 * wide > all)
-        verdict.push_back(
-            fmt::format("Noisy: run again. The times of {} of {} comparisons of frames spread by more than "
-                        "{:.0f} %, so other programs use the device, or its speed changes.",
-                        wide, all, 100 * kWide));
+        return fmt::format("{}other programs took up to {:.0f} % of the processors.", kAgain, 100 * others);
+    if (3 * wide > all)
+        return fmt::format("{}those of {} of {} comparisons of frames spread by more than {:.0f} %, so other programs "
+                           "use the device, or its speed changes.",
+                           kAgain, wide, all, 100 * kWide);
+    return {};
 }
 
 // "The part ... was not completed", or it was slow.
@@ -163,11 +168,16 @@ void addEnd(const PartResult &result, std::vector<std::string> &verdict)
 std::vector<std::string> verdictOf(const std::vector<PartResult> &results)
 {
     std::vector<std::string> verdict;
-    addNoise(results, verdict);
+    const std::string noise = noiseOf(results);
+    if (!noise.empty())
+        verdict.push_back(noise);
     for (const PartResult &result : results) {
         addCheck(result, verdict);
-        addFrames(result, verdict);
-        addBuilds(result, verdict);
+        if (noise.empty())
+            addFrames(result, verdict);
+        addDifferences(result, verdict);
+        if (noise.empty())
+            addBuilds(result, verdict);
         addEnd(result, verdict);
     }
     return verdict;
