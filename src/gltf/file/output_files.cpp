@@ -159,7 +159,7 @@ void OutputFiles::copy(const std::filesystem::path &from, const std::filesystem:
     file.finish();
 }
 
-bool OutputFiles::publish(Pending &pending)
+void OutputFiles::publish(Pending &pending)
 {
     const NewFile::Appeared appeared = pending.file.appear();
     if (appeared == NewFile::Appeared::No && pending.existing == Existing::Replace)
@@ -168,24 +168,12 @@ bool OutputFiles::publish(Pending &pending)
     if (appeared == NewFile::Appeared::No && pending.existing == Existing::Keep &&
         !sameBytes(pending.file.readable(), pending.file.path()))
         throw GltfError(utf8Text(pending.file.path()) + ": is there already and is different");
-    return appeared == NewFile::Appeared::New;
 }
 
 void OutputFiles::publish()
 {
-    // Memory may run out once a file has been published.
-    std::vector<const Pending *> published;
-    published.reserve(pending_.size());
-    try {
-        for (Pending &pending : pending_)
-            if (publish(pending))
-                published.push_back(&pending);
-    } catch (...) {
-        std::error_code ignored;
-        for (const Pending *pending : published)
-            std::filesystem::remove(pending->file.path(), ignored);
-        throw;
-    }
+    for (Pending &pending : pending_)
+        publish(pending);
     published_ = true;
     for (const Pending &pending : pending_)
         pending.file.syncName();

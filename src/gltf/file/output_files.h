@@ -53,8 +53,8 @@ public:
     // or if a file at `to` has other bytes and must not be replaced.
     void copy(const std::filesystem::path &from, const std::filesystem::path &to, const std::filesystem::path &model,
               bool replace = false);
-    // Lets the files appear, in the order in which they were written. Where that fails those that are new are removed
-    // again. What was replaced does not come back, so the file that names the others is the last one.
+    // Lets the files appear, in the order in which they were written: the file that names the others is the last one.
+    // Where that fails those that have appeared stay: the outputs of other jobs, which found them there, may name them.
     void publish();
 
 private:
@@ -68,7 +68,7 @@ private:
     NewFile &open(const std::filesystem::path &path, Existing existing);
     void makeFolders(const std::filesystem::path &folder);
     void put(NewFile &file, std::span<const uint8_t> bytes) const;
-    bool publish(Pending &pending); // returns whether it is new
+    static void publish(Pending &pending);
 
     std::function<bool()> cancelled_;
     std::deque<Pending> pending_;
