@@ -99,11 +99,11 @@ DistinctTriangles::DistinctTriangles(std::span<const BakeInput> inputs, const Ba
 
 uint32_t DistinctTriangles::materialOf(const BakeInput &input, const BakeOptions &options)
 {
-    for (size_t i = 0; i < materials_.size(); ++i)
-        if (materials_[i]->isOf(input, options))
-            return static_cast<uint32_t>(i);
-    materials_.push_back(std::make_unique<BakeMaterial>(input, options));
-    return static_cast<uint32_t>(materials_.size() - 1);
+    const auto [found, isNew] =
+        materialOf_.try_emplace(BakeMaterial::keyOf(input, options), static_cast<uint32_t>(materials_.size()));
+    if (isNew)
+        materials_.push_back(std::make_unique<BakeMaterial>(input, options));
+    return found->second;
 }
 
 void DistinctTriangles::add(const BakeInput &input, const BakeOptions &options)

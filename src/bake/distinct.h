@@ -5,9 +5,11 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
+#include <tuple>
 #include <vector>
 
 #include "bake/bake.h"
@@ -34,30 +36,29 @@ class BakeMaterial
 {
 public:
     BakeMaterial(const BakeInput &input, const BakeOptions &options)
-        : source_(input.textures), cutoff_(input.cutoff.value_or(options.cutoff)), uvTerms_(input.uvTerms),
-          options_(options), swapped_(options.test == AlphaTest::Less || options.test == AlphaTest::Greater)
+        : options_(options), swapped_(options.test == AlphaTest::Less || options.test == AlphaTest::Greater)
     {
         std::span<const AlphaTexture> textures = input.textures;
         options_.valueTolerance = input.valueTolerance.value_or(options.valueTolerance);
         // alpha < cutoff is the contrary of alpha >= cutoff, and alpha <= cutoff is -alpha >= -cutoff.
-        options_.cutoff = cutoff_;
+        options_.cutoff = input.cutoff.value_or(options.cutoff);
         if (options.test == AlphaTest::LessOrEqual || options.test == AlphaTest::Greater) {
-            options_.cutoff = -cutoff_;
+            options_.cutoff = -options_.cutoff;
             negated_.assign(textures.begin(), textures.end());
             for (AlphaTexture &texture : negated_)
                 texture.negate();
             textures = negated_;
         }
         for (const AlphaTexture &texture : textures)
-            levels_.push_back(std::make_unique<Classifier>(texture, options_, uvTerms_));
+            levels_.push_back(std::make_unique<Classifier>(texture, options_, input.uvTerms));
     }
 
-    [[nodiscard]] bool isOf(const BakeInput &input, const BakeOptions &options) const
+    // Inputs with the same key have the same material.
+    using Key = std::tuple<const AlphaTexture *, size_t, double, double, double>;
+    static Key keyOf(const BakeInput &input, const BakeOptions &options)
     {
-        return input.textures.data() == source_.data() && input.textures.size() == source_.size() &&
-               input.cutoff.value_or(options.cutoff) == cutoff_ &&
-               input.valueTolerance.value_or(options.valueTolerance) == options_.valueTolerance &&
-               input.uvTerms == uvTerms_;
+        return {input.textures.data(), input.textures.size(), input.cutoff.value_or(options.cutoff),
+                input.valueTolerance.value_or(options.valueTolerance), input.uvTerms};
     }
     [[nodiscard]] uint32_t levelFor(const TriangleUvs &uvs) const { return levels_.front()->levelFor(uvs); }
 
@@ -79,9 +80,6 @@ public:
     }
 
 private:
-    std::span<const AlphaTexture> source_;
-    double cutoff_;
-    double uvTerms_;
     BakeOptions options_;
     bool swapped_;
     std::vector<AlphaTexture> negated_;
@@ -125,6 +123,7 @@ private:
     void add(const BakeInput &input, const BakeOptions &options);
 
     std::vector<std::unique_ptr<BakeMaterial>> materials_;
+    std::map<BakeMaterial::Key, uint32_t> materialOf_;
     std::vector<DistinctKey> keys_; // of each distinct triangle
     std::vector<uint32_t> slots_;   // by hash: one more than a distinct triangle, or 0
 };

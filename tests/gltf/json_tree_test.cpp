@@ -53,6 +53,24 @@ TEST(JsonTree, FindsEscapedNamesAndTheLastOfSeveral)
     EXPECT_FALSE(tree.root()["x"].string().has_value());
 }
 
+// Objects with many members are looked up by another way.
+TEST(JsonTree, LargeObjectsAreAsSmallOnes)
+{
+    std::string text = R"({"\u0061b": 1, "x": {"ab": 4}, "ab": 3)";
+    for (int i = 0; i < 1000; ++i)
+        text += ",\"" + std::to_string(i) + "\":" + std::to_string(i);
+    text += "}";
+    const JsonTree tree(text);
+    EXPECT_EQ(tree.root()["ab"].integer(), 3);
+    EXPECT_EQ(tree.root()["x"]["ab"].integer(), 4);
+    EXPECT_EQ(tree.root().count("ab"), 2u);
+    for (int i = 0; i < 1000; ++i)
+        EXPECT_EQ(tree.root()[std::to_string(i)].integer(), i);
+    EXPECT_FALSE(tree.root()["1000"].exists());
+    EXPECT_FALSE(tree.root()[""].exists());
+    EXPECT_FALSE(tree.root()["zzz"].exists());
+}
+
 TEST(JsonTree, KeepsAByteOrderMarkAndPadding)
 {
     const JsonTree marked("\xef\xbb\xbf{\"a\": 1}");

@@ -34,11 +34,8 @@ std::span<const uint8_t> BufferViews::stored(int buffer, size_t offset, size_t l
 
 void BufferViews::account(size_t bytes) const
 {
-    if (!allowance_) {
-        allowance_ = kBytesAlwaysAllowed;
-        for (const gltf_json::Buffer &buffer : model_.buffers)
-            *allowance_ += kMostExpansion * buffer.data.size();
-    }
+    if (!allowance_)
+        allowance_ = kBytesAlwaysAllowed + kMostExpansion * bufferBytes_;
     if (bytes > *allowance_)
         throw GltfError("is decompressed to many times the bytes of the file");
     *allowance_ -= bytes;
@@ -47,12 +44,7 @@ void BufferViews::account(size_t bytes) const
 void BufferViews::countRead(uint64_t numbers, const std::string &what) const
 {
     const uint64_t read = read_ += numbers;
-    if (read <= kAlwaysRead)
-        return;
-    uint64_t bytes = 0;
-    for (const gltf_json::Buffer &buffer : model_.buffers)
-        bytes += buffer.data.size();
-    if (read - kAlwaysRead > kMostReads * bytes)
+    if (read > kAlwaysRead && read - kAlwaysRead > kMostReads * bufferBytes_)
         throw GltfError(what + ": the accessors of the file are read too often");
 }
 

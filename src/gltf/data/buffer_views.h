@@ -20,7 +20,11 @@ namespace vellum
 class BufferViews
 {
 public:
-    explicit BufferViews(const gltf_json::Model &model) : model_(model) {}
+    explicit BufferViews(const gltf_json::Model &model) : model_(model)
+    {
+        for (const gltf_json::Buffer &buffer : model.buffers)
+            bufferBytes_ += buffer.data.size();
+    }
 
     [[nodiscard]] const gltf_json::Model &model() const { return model_; }
 
@@ -44,6 +48,7 @@ private:
     void account(size_t bytes) const;
 
     const gltf_json::Model &model_;
+    uint64_t bufferBytes_ = 0; // of all buffers
     mutable std::mutex mutex_;
     mutable std::map<int, std::vector<uint8_t>> decompressed_;
     mutable std::optional<uint64_t> allowance_; // of bytes to decompress to

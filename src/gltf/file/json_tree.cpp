@@ -18,6 +18,7 @@ namespace vellum
 namespace
 {
 
+constexpr rapidjson::SizeType kMostUnsorted = 32;
 constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
 
 // Where memory runs out, RapidJSON's own allocator returns null, which is then written to. This one throws.
@@ -62,7 +63,7 @@ struct JsonEvents : rapidjson::BaseReaderHandler<rapidjson::UTF8<>, JsonEvents> 
     }
     bool start(JsonTree::Kind kind)
     {
-        open.push_back(tree.nodes_.size());
+        open.push_back(static_cast<uint32_t>(tree.nodes_.size()));
         const uint32_t begin = firstAfter(last);
         tree.nodes_.push_back({begin, 0, 0, kind});
         last = begin + 1;
@@ -90,14 +91,21 @@ struct JsonEvents : rapidjson::BaseReaderHandler<rapidjson::UTF8<>, JsonEvents> 
     bool String(const char *, rapidjson::SizeType, bool) { return scalar(JsonTree::Kind::String, here()); }
     bool Key(const char *, rapidjson::SizeType, bool) { return scalar(JsonTree::Kind::String, here()); }
     bool StartObject() { return start(JsonTree::Kind::Object); }
-    bool EndObject(rapidjson::SizeType) { return finish(); }
+    bool EndObject(rapidjson::SizeType count)
+    {
+        const uint32_t object = open.back();
+        finish();
+        if (count > kMostUnsorted)
+            tree.sortNames(object, count);
+        return true;
+    }
     bool StartArray() { return start(JsonTree::Kind::Array); }
     bool EndArray(rapidjson::SizeType) { return finish(); }
 
     JsonTree &tree;
     const rapidjson::MemoryStream &stream;
     uint32_t last = 0; // the end of what was read
-    std::vector<size_t> open;
+    std::vector<uint32_t> open;
 };
 
 JsonTree::JsonTree(std::string_view text) : text_(text)
@@ -116,6 +124,15 @@ JsonTree::JsonTree(std::string_view text) : text_(text)
                         rapidjson::GetParseError_En(result.Code()));
 }
 
+void JsonTree::sortNames(uint32_t object, size_t count)
+{
+    std::vector<std::pair<std::string, uint32_t>> &names = sorted_[object];
+    names.reserve(count);
+    for (uint32_t i = object + 1; i < nodes_[object].next; i = nodes_[i + 1].next)
+        names.emplace_back(JsonValue(*this, i).string().value_or(""), i);
+    std::sort(names.begin(), names.end());
+}
+
 JsonValue JsonTree::root() const
 {
     return {*this, 0};
@@ -123,8 +140,18 @@ JsonValue JsonTree::root() const
 
 JsonValue JsonValue::operator[](std::string_view name) const
 {
+    if (!isObject())
+        return {};
+    if (const auto sorted = tree_->sorted_.find(index_); sorted != tree_->sorted_.end()) {
+        const auto &names = sorted->second;
+        const auto behind =
+            std::upper_bound(names.begin(), names.end(), name,
+                             [](std::string_view wanted, const auto &other) { return wanted < other.first; });
+        return behind != names.begin() && (behind - 1)->first == name ? JsonValue(*tree_, (behind - 1)->second + 1)
+                                                                      : JsonValue();
+    }
     JsonValue found;
-    for (uint32_t i = index_ + 1; isObject() && i < node().next; i = tree_->nodes_[i + 1].next)
+    for (uint32_t i = index_ + 1; i < node().next; i = tree_->nodes_[i + 1].next)
         if (JsonValue(*tree_, i).is(name))
             found = {*tree_, i + 1};
     return found;

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -40,8 +41,13 @@ private:
         Kind kind = Kind::Scalar;
     };
 
+    void sortNames(uint32_t object, size_t count);
+
     std::string_view text_;
     std::vector<Node> nodes_;
+    // Of objects with many members: their names in order, and the nodes of these. Without it, looking something up in
+    // such an object again and again would take quadratic time.
+    std::map<uint32_t, std::vector<std::pair<std::string, uint32_t>>> sorted_;
 };
 
 // A value in a tree, or nothing: what is looked for in nothing is nothing. Valid as long as its tree.

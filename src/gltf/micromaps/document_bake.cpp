@@ -72,6 +72,8 @@ public:
         : document_(document), options_(options), areas_(areas), changing_(document),
           textures_(document, options.images)
     {
+        for (const gltf_json::Buffer &buffer : document.model().buffers)
+            mostTriangles_ += buffer.data.size();
     }
 
     DocumentBake bake();
@@ -120,6 +122,7 @@ private:
     std::map<SourceKey, size_t> sourceOf_;
     std::map<int, Material> materials_;
     std::map<int, Digest> imageKeys_;
+    size_t mostTriangles_ = kMostTriangles;
     size_t total_ = 0; // triangles; from then on those to bake
     size_t done_ = 0;
 };
@@ -227,11 +230,8 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
         return skip(place, material.name, SkipReason::AmbiguousTriangles,
                     "its uncompressed data has other triangles than its compressed data");
     total_ += primitive.triangleCount();
-    size_t most = kMostTriangles;
-    for (const gltf_json::Buffer &buffer : model.buffers)
-        most += buffer.data.size();
-    if (total_ > most)
-        throw GltfError("it has more than " + std::to_string(most) + " alpha-tested triangles");
+    if (total_ > mostTriangles_)
+        throw GltfError("it has more than " + std::to_string(mostTriangles_) + " alpha-tested triangles");
     const size_t declared =
         source.indices < 0 ? primitive.indices.size() : model.accessors.at(static_cast<size_t>(source.indices)).count;
     if (draco && declared / 3 != primitive.triangleCount())
