@@ -375,6 +375,28 @@ TEST(DocumentBake, AvifTextures)
     }
 }
 
+// Primitives that read a texture by different transforms have one micromap: their terms are part of its inputs only.
+TEST(DocumentBake, TransformsOfOneTextureShareAMicromap)
+{
+    DocumentBakeOptions exact = optionsOf();
+    exact.bake.exactly();
+    // The texture repeats.
+    const std::string moved = R"({"index": 0, "extensions": {"KHR_texture_transform": {"offset": [0, 4]}}})";
+    const DocumentBake both =
+        bakeCard({{R"({"attributes": {"POSITION": 3}, "material": 1})",
+                   R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 1})"},
+                  {R"({"name": "wood"})", R"({"name": "moved", "alphaMode": "MASK", "alphaCutoff": 0.25,
+                    "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.75], "baseColorTexture": )" +
+                                              moved + "}}"}},
+                 exact);
+    const DocumentBake one = bakeCard({}, exact);
+    ASSERT_EQ(both.primitives.size(), 2u);
+    ASSERT_EQ(both.micromaps.size(), 1u);
+    EXPECT_EQ(both.micromaps[0].bytes(), one.micromaps.at(0).bytes());
+    for (const BakedPrimitive &primitive : both.primitives)
+        EXPECT_EQ(primitive.micromap.indices, one.primitives.at(0).micromap.indices);
+}
+
 // The offset cancels out what makes the coordinates large: the sum is small, and a renderer's error is not.
 TEST(DocumentBake, TransformsAreAsExactAsTheirTerms)
 {

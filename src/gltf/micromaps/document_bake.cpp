@@ -20,7 +20,7 @@ namespace
 {
 
 // The parameters that determine the alpha at a texture coordinate, and which of it is opaque.
-using SourceKey = std::tuple<TextureKey, std::optional<float>, float>;
+using SourceKey = std::tuple<TextureKey, std::optional<float>>;
 
 // A triangle of a primitive that is baked.
 struct TrianglePlace {
@@ -28,7 +28,12 @@ struct TrianglePlace {
     uint32_t triangle;
 };
 
-// Triangles whose vertices all have one alpha.
+// Triangles whose vertices all have one alpha, of primitives with one Primitive::uvTerms.
+struct LayerKey {
+    float alpha;
+    float uvTerms;
+    auto operator<=>(const LayerKey &) const = default;
+};
 struct Layer {
     std::vector<TriangleUvs> uvs;
     std::vector<TrianglePlace> places;
@@ -38,8 +43,7 @@ struct Layer {
 struct Source {
     Material material;
     std::optional<float> cutoff; // none: alphaMode BLEND's own rule
-    float uvTerms = 0;
-    std::map<float, Layer> layers;               // by the vertices' alpha
+    std::map<LayerKey, Layer> layers;
     std::vector<uint32_t> primitives;            // into DocumentBake::primitives
     std::shared_ptr<const AlphaTexture> texture; // while it is baked
     bool unreadable = false;                     // the image cannot be decoded here
@@ -84,7 +88,7 @@ private:
     void addPrimitive(PrimitivePlace place);
     void skip(PrimitivePlace place, const std::string &material, SkipReason code, const std::string &reason);
     [[nodiscard]] std::optional<float> cutoffOf(const Material &material) const;
-    Source &sourceOf(const Material &material, float uvTerms);
+    Source &sourceOf(const Material &material);
     void addTriangles(Source &source, const Primitive &primitive);
     void dropRareLayers();
     void readTexture(Source &source);
@@ -139,13 +143,13 @@ std::optional<float> DocumentBaker::cutoffOf(const Material &material) const
     return material.alphaMode == AlphaMode::Blend ? options_.blendCutoff : std::optional(material.alphaCutoff);
 }
 
-Source &DocumentBaker::sourceOf(const Material &material, float uvTerms)
+Source &DocumentBaker::sourceOf(const Material &material)
 {
     const std::optional<float> cutoff = cutoffOf(material);
-    const SourceKey key{textureKeyOf(material), cutoff, uvTerms};
+    const SourceKey key{textureKeyOf(material), cutoff};
     const auto [found, isNew] = sourceOf_.try_emplace(key, sources_.size());
     if (isNew)
-        sources_.push_back({material, cutoff, uvTerms, {}, {}, {}, false, {}});
+        sources_.push_back({material, cutoff, {}, {}, {}, false, {}});
     return sources_[found->second];
 }
 
@@ -176,7 +180,7 @@ void DocumentBaker::addTriangles(Source &source, const Primitive &primitive)
             baked.micromap.indices[t] =
                 specialIndex(source.cutoff.value_or(1) > 0 ? State::Transparent : State::Opaque);
         } else {
-            Layer &layer = source.layers[alpha];
+            Layer &layer = source.layers[{alpha, primitive.uvTerms}];
             layer.uvs.push_back(uvs[t]);
             layer.places.push_back({ordinal, t});
         }
@@ -238,7 +242,7 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
         return skip(place, material.name, SkipReason::AmbiguousTriangles,
                     "it has " + std::to_string(declared / 3) + " triangles by its indices, and " +
                         std::to_string(primitive.triangleCount()) + " by KHR_draco_mesh_compression");
-    addTriangles(sourceOf(material, primitive.uvTerms), primitive);
+    addTriangles(sourceOf(material), primitive);
     BakedPrimitive &baked = result_.primitives.back();
     baked.place = place;
     baked.name = document_.nameOf(place);
@@ -249,19 +253,25 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
         baked.corners = std::move(primitive.indices);
 }
 
-// Keeps the layers that most triangles are in; the triangles of the others stay unknown.
+// Keeps the alphas that most triangles have; the triangles of the others stay unknown.
 void DocumentBaker::dropRareLayers()
 {
     for (Source &source : sources_) {
-        std::vector<std::pair<size_t, float>> sizes;
-        for (const auto &[alpha, layer] : source.layers)
-            sizes.emplace_back(layer.uvs.size(), alpha);
-        std::sort(sizes.rbegin(), sizes.rend());
-        for (size_t i = kMostVertexAlphas; i < sizes.size(); ++i) {
-            for (const TrianglePlace &place : source.layers[sizes[i].second].places)
-                ++result_.primitives[place.primitive].varying;
-            source.layers.erase(sizes[i].second);
-        }
+        std::map<float, size_t> sizes;
+        for (const auto &[key, layer] : source.layers)
+            sizes[key.alpha] += layer.uvs.size();
+        std::vector<std::pair<size_t, float>> alphas;
+        for (const auto &[alpha, size] : sizes)
+            alphas.emplace_back(size, alpha);
+        std::sort(alphas.rbegin(), alphas.rend());
+        for (size_t i = 0; i < std::min(kMostVertexAlphas, alphas.size()); ++i)
+            sizes.erase(alphas[i].second);
+        std::erase_if(source.layers, [&](const auto &layer) {
+            const bool rare = sizes.contains(layer.first.alpha);
+            for (const TrianglePlace &place : layer.second.places)
+                result_.primitives[place.primitive].varying += rare ? 1u : 0u;
+            return rare;
+        });
     }
 }
 
@@ -269,7 +279,7 @@ std::span<const int32_t> DocumentBaker::takeResult(Source &source, const Microma
                                                    std::span<const int32_t> indices)
 {
     size_t count = 0;
-    for (const auto &[alpha, layer] : source.layers)
+    for (const auto &[key, layer] : source.layers)
         count += layer.places.size();
     // Only the triangles that this source uses, in their order.
     std::vector<int32_t> used(indices.begin(), indices.begin() + static_cast<ptrdiff_t>(count));
@@ -295,7 +305,7 @@ std::span<const int32_t> DocumentBaker::takeResult(Source &source, const Microma
     counted.triangles = stored.triangles;
     stored.usage = counted.buildUsage();
     size_t next = 0;
-    for (const auto &[alpha, layer] : source.layers)
+    for (const auto &[key, layer] : source.layers)
         for (const TrianglePlace &place : layer.places) {
             const int32_t index = indices[next++];
             result_.primitives[place.primitive].micromap.indices[place.triangle] =
@@ -346,7 +356,7 @@ void DocumentBaker::weigh(double leastShare)
 {
     double all = 0;
     for (const Source &source : sources_)
-        for (const auto &[alpha, layer] : source.layers)
+        for (const auto &[key, layer] : source.layers)
             for (const TrianglePlace &place : layer.places)
                 all += areaOf(place);
     if (!(all > 0))
@@ -354,7 +364,7 @@ void DocumentBaker::weigh(double leastShare)
     weighed_ = all;
     const double least = leastShare / static_cast<double>(std::max<size_t>(total_, 1));
     for (Source &source : sources_)
-        for (auto &[alpha, layer] : source.layers)
+        for (auto &[key, layer] : source.layers)
             for (const TrianglePlace &place : layer.places)
                 layer.weights.push_back(std::max(least, areaOf(place) / all));
 }
@@ -434,7 +444,7 @@ size_t triangleCount(std::span<const Source> sources)
 {
     size_t count = 0;
     for (const Source &source : sources)
-        for (const auto &[alpha, layer] : source.layers)
+        for (const auto &[key, layer] : source.layers)
             count += layer.uvs.size();
     return count;
 }
@@ -446,21 +456,21 @@ std::vector<BakeInput> DocumentBaker::inputsOf(std::span<const Source> sources)
     for (const Source &source : sources) {
         if (source.unreadable)
             continue;
-        for (const auto &[alpha, layer] : source.layers) {
+        for (const auto &[key, layer] : source.layers) {
             BakeInput &input = inputs.emplace_back();
             if (source.texture)
                 input.textures = {source.texture.get(), 1};
             input.triangles = layer.uvs;
-            input.uvTerms = static_cast<double>(source.uvTerms);
+            input.uvTerms = static_cast<double>(key.uvTerms);
             input.weights = layer.weights;
             input.group = static_cast<uint32_t>(&source - sources.data());
             if (source.cutoff) {
                 // The shader compares the product of both alphas with the cutoff.
                 input.cutoff =
-                    std::clamp(static_cast<double>(*source.cutoff), -1e30, 1e30) / static_cast<double>(alpha);
+                    std::clamp(static_cast<double>(*source.cutoff), -1e30, 1e30) / static_cast<double>(key.alpha);
             } else {
                 // A vertex' alpha below 1 leaves nothing opaque: from 2 on is never.
-                const double never = alpha == 1 ? 0 : 0.5;
+                const double never = key.alpha == 1 ? 0 : 0.5;
                 input.cutoff = kBlendCutoff + never;
                 input.valueTolerance = kBlendBand + never;
             }
@@ -610,7 +620,7 @@ void DocumentBaker::collect()
     dropRareLayers();
     total_ = 0;
     for (const Source &source : sources_)
-        for (const auto &[alpha, layer] : source.layers)
+        for (const auto &[key, layer] : source.layers)
             total_ += layer.uvs.size();
 }
 
@@ -661,7 +671,7 @@ DocumentOutlines DocumentBaker::outline(std::span<const std::optional<uint32_t>>
     result.withoutMicromap = 1 - surfaceOfSources() / surface_;
     std::vector<double> areas;
     for (const Source &source : sources_)
-        for (const auto &[alpha, layer] : source.layers)
+        for (const auto &[key, layer] : source.layers)
             for (size_t i = 0; !source.unreadable && i < layer.places.size(); ++i)
                 areas.push_back(areaOf(layer.places[i]));
     const double all = std::accumulate(areas.begin(), areas.end(), 0.0);
