@@ -65,8 +65,7 @@ void writeMicromaps(std::span<const MicromapSummary> micromaps, JsonWriter &json
 
 std::string reasonFor(const SkippedPrimitive &skipped)
 {
-    const bool image = skipped.code == SkipReason::UnsupportedImage;
-    return skipped.reason + (image ? "; --fallback-images bakes from another image of the texture" : "");
+    return skipped.reason + (skipped.hasFallback ? "; --fallback-images bakes from another image of the texture" : "");
 }
 
 std::string describe(const SkippedPrimitive &skipped)

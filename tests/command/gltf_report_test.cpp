@@ -216,6 +216,7 @@ TEST_F(GltfReport, UnreadableFilesFail)
     EXPECT_TRUE(has(bake.errors, "card.gltf: none of its alpha-tested primitives could be baked: mesh 0 primitive 0: "))
         << bake.errors;
     EXPECT_TRUE(has(bake.errors, "KTX2")) << bake.errors;
+    EXPECT_FALSE(has(bake.errors, "--fallback-images")) << "there is no other image: " << bake.errors;
     // An excluded material is not an error.
     write("card.glb", {{kMask, kBlend}});
     EXPECT_EQ(run({"bake", in("card.glb")}).errors, "");

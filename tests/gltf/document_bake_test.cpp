@@ -298,6 +298,7 @@ TEST(DocumentBake, FallbackImagesOnRequest)
             {R"("bufferView": 3}])", R"("bufferView": 3}, {"uri": "none"}])"}};
         EXPECT_EQ(reasonFor(both),
                   "its texture also has an image that is not supported (" + extension + "), which renderers may take");
+        EXPECT_TRUE(bakeCard(both).skipped[0].hasFallback);
         DocumentBakeOptions options = optionsOf();
         options.fallbackImages = true;
         expectSame(bakeCard(both, options), bakeDirectly(0.25));

@@ -135,7 +135,7 @@ void DocumentBaker::skip(PrimitivePlace place, const std::string &material, Skip
 {
     const auto &extensions = document_.model().meshes[place.mesh].primitives[place.primitive].extensions;
     result_.skipped.push_back(
-        {place, document_.nameOf(place), material, code, reason, hasMicromapExtension(extensions)});
+        {place, document_.nameOf(place), material, code, reason, hasMicromapExtension(extensions), false});
 }
 
 std::optional<float> DocumentBaker::cutoffOf(const Material &material) const
@@ -217,10 +217,13 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     // The extension counts triangles by the indices, or else the positions.
     if (source.indices < 0 && !source.attributes.contains("POSITION"))
         return skip(place, material.name, SkipReason::NoTriangles, "it has neither indices nor positions");
-    if (!material.unreadImage.empty() && !options_.fallbackImages)
-        return skip(place, material.name, SkipReason::UnsupportedImage,
-                    "its texture also has an image that is not supported (" + material.unreadImage +
-                        "), which renderers may take");
+    if (!material.unreadImage.empty() && !options_.fallbackImages) {
+        skip(place, material.name, SkipReason::UnsupportedImage,
+             "its texture also has an image that is not supported (" + material.unreadImage +
+                 "), which renderers may take");
+        result_.skipped.back().hasFallback = true;
+        return;
+    }
     Primitive primitive = readPrimitive(document_, place, Positions::Skip);
     if (material.image >= 0 && primitive.uvs.empty())
         return skip(place, material.name, SkipReason::NoTextureCoordinates,

@@ -76,6 +76,7 @@ struct SkippedPrimitive {
     SkipReason code = SkipReason::Unsupported;
     std::string reason;       // "it has no texture coordinates (TEXCOORD_1)"
     bool hadMicromap = false; // it is removed: all micromaps of a file are replaced together
+    bool hasFallback = false; // DocumentBakeOptions::fallbackImages would bake it
 
     // The file has something that is not supported. Otherwise the primitive is not one to be baked.
     [[nodiscard]] bool unsupported() const
