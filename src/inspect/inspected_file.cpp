@@ -162,11 +162,14 @@ uint64_t Inspector::bytesBeside() const
 {
     std::set<std::filesystem::path> files;
     for (const std::filesystem::path &name : namedFiles(document_.root()))
-        files.insert(document_.path().parent_path() / name.lexically_normal());
+        if (const std::filesystem::path normal = name.lexically_normal(); !leadsOut(normal))
+            files.insert(document_.path().parent_path() / normal);
     uint64_t bytes = 0;
-    for (const std::filesystem::path &file : files)
+    for (const std::filesystem::path &path : files)
         try {
-            bytes += InputFile(file).size();
+            const InputFile file(path);
+            file.requireBeside(document_.path());
+            bytes += file.size();
         } catch (const GltfError &) { // what needs it reports it
         }
     return bytes;

@@ -222,6 +222,31 @@ TEST_F(GltfReport, UnreadableFilesFail)
     EXPECT_EQ(run({"bake", in("card.glb")}).errors, "");
 }
 
+// As an image or a buffer does: what is elsewhere is not read.
+TEST_F(GltfReport, FilesThatExtensionsNameCountWhereTheyAreBesideTheModel)
+{
+    writeCardGltf(folder / "in/card.gltf");
+    writeFile(folder / "elsewhere", Bytes(100));
+    writeFile(folder / "in/a b", Bytes(1000));
+    const std::string card = (folder / "in/card.gltf").string();
+    const Bytes file = readFile(card);
+    const std::string json(file.begin(), file.end());
+    const auto bytesWith = [&](const std::string &uri) {
+        std::string changed = json;
+        changed.insert(changed.rfind('}'), R"(, "extensions": {"ACME_sound": {"uri": ")" + uri + "\"}}");
+        writeFile(card, {changed.begin(), changed.end()});
+        const Outcome inspect = run({"inspect", card, "--bake", "-o", in("a.html"), "--force", "--json"});
+        return number(JsonTree(inspect.output).root()["files"].children().at(0)["bytes"]) -
+               static_cast<double>(changed.size());
+    };
+    const double none = bytesWith("nothing");
+    for (const std::string &uri : {std::string("../elsewhere"), std::string("%2e%2e/elsewhere"), in("elsewhere"),
+                                   std::string("x/../../elsewhere"), std::string("DATA:,xy"), std::string("a:b")})
+        EXPECT_EQ(bytesWith(uri), none) << uri;
+    for (const char *uri : {"a b", "a%20b", "x/../a%20b", "./a b"})
+        EXPECT_EQ(bytesWith(uri), none + 1000) << uri;
+}
+
 TEST_F(GltfReport, AvifTextures)
 {
     const Bytes disc = avifImage(8, 8, std::vector<uint16_t>(size_t{4} * 8 * 8, 255));

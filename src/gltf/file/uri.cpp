@@ -102,6 +102,11 @@ std::optional<std::filesystem::path> decodedUri(std::string_view uri)
     }
 }
 
+bool leadsOut(const std::filesystem::path &normal)
+{
+    return normal.has_root_path() || *normal.begin() == "..";
+}
+
 std::vector<std::filesystem::path> namedFiles(const JsonValue &root)
 {
     std::vector<std::filesystem::path> paths;
@@ -184,7 +189,7 @@ std::filesystem::path fileOfUri(const std::filesystem::path &folder, std::string
     if (!path || path->has_root_path())
         throw GltfUnsupported("the URI is not a relative path");
     const std::filesystem::path normal = path->lexically_normal();
-    if (*normal.begin() == "..")
+    if (leadsOut(normal))
         throw GltfUnsupported("the URI leads out of the file's folder");
     return folder / normal;
 }

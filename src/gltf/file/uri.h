@@ -28,6 +28,9 @@ std::string percentDecoded(std::string_view text);
 // The path that a URI means, percent-encoding resolved; nothing for data URIs and those with a scheme.
 std::optional<std::filesystem::path> decodedUri(std::string_view uri);
 
+// Returns whether a normal path of a URI leads out of the folder that it is relative to.
+bool leadsOut(const std::filesystem::path &normal);
+
 // The files that a JSON value names by members "uri", in any object of it, extensions included. What is in
 // "extras" may mean anything.
 std::vector<std::filesystem::path> namedFiles(const JsonValue &root);

@@ -78,12 +78,14 @@ FilesBeside filesBeside(const JsonValue &root, const std::filesystem::path &inpu
         const std::filesystem::path normal = name.lexically_normal();
         if (!seen.insert(normal).second || !std::filesystem::is_regular_file(from / normal, error))
             continue;
+        if (sameFolder && leadsOut(normal))
+            continue; // not read, and not copied
         files.read.push_back(from / normal);
         if (std::filesystem::equivalent(files.read.back(), output, error))
             throw GltfError("the output is the file " + utf8Text(name) + ", which it names");
         if (sameFolder)
             continue;
-        if (normal.has_root_path() || *normal.begin() == "..")
+        if (leadsOut(normal))
             throw GltfError("it names the file " + utf8Text(name) +
                             ", which is not in its folder or below it, so that " + utf8Text(output) +
                             " cannot have a copy");
