@@ -18,6 +18,7 @@ namespace vellum::job
 
 inline constexpr const char *kBaked = "baked";
 inline constexpr const char *kUnchanged = "unchanged";
+inline constexpr const char *kRemoved = "removed";
 inline constexpr const char *kFailed = "failed";
 
 struct LogLine {

@@ -251,6 +251,20 @@ TEST(BakeJob, StandardStreamsHaveNoLog)
     }
 }
 
+TEST(BakeJob, TheLogTellsCopiesFromFilesThatLostTheirMicromaps)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "card.glb", cardGlb());
+    ASSERT_EQ(runVellum({"bake", (folder / "card.glb").string(), (folder / "a.glb").string()}).exitCode, 0);
+    writeFile(folder / "b.glb", cardGlb({kOpaque}));
+    const std::string log = (folder / "log").string();
+    EXPECT_EQ(runVellum({"bake", (folder / "a.glb").string(), (folder / "b.glb").string(), "-o",
+                         (folder / "out").string() + "/", "--copy", "--exclude-material", "leaf", "--log", log})
+                  .exitCode,
+              0);
+    EXPECT_EQ(statusesIn(log), (Statuses{{"a.glb", "removed"}, {"b.glb", "unchanged"}}));
+}
+
 TEST(BakeJob, LogsAndResumes)
 {
     const TemporaryFolder folder;

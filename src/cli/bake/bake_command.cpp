@@ -252,8 +252,9 @@ void Bakery::log(const BakeFileReport &report, uint64_t milliseconds)
     if (log_ == nullptr || !report.ended)
         return;
     const char *status = report.code != ExitCode::Success ? job::kFailed
-                         : report.primitives.empty()      ? job::kUnchanged
-                                                          : job::kBaked;
+                         : !report.primitives.empty()     ? job::kBaked
+                         : report.replaced                ? job::kRemoved
+                                                          : job::kUnchanged;
     try {
         log_->add({report.job.input, report.job.output, status, report.inputBytes, report.files, milliseconds,
                    report.error.empty() ? report.failure : report.error});
