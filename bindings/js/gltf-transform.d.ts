@@ -8,7 +8,7 @@ import type { Callbacks, GltfBakeOptions, Usage, Vellum } from './index.js';
 export type ImageDecoder = (image: Uint8Array) => { png(): { toBuffer(): Promise<Uint8Array> } };
 
 /** Options of a bake that are kept in the document, for the next one: what can be written as JSON. */
-export type DocumentBakeOptions = Omit<GltfBakeOptions, keyof Callbacks | 'name' | 'files' | 'fallbackImages'>;
+export type DocumentBakeOptions = Omit<GltfBakeOptions, keyof Callbacks | 'name' | 'files' | 'fallbackImages' | 'targetKnown'>;
 
 /** A micromap, which primitives may share: input of a micromap build. */
 export declare class OpacityMicromap extends ExtensionProperty {

@@ -882,7 +882,7 @@ async function withOwnModule(run) {
 
 export function omm({ vellum, encoder, onProgress, cancelled, signal, ...options } = {}) {
   return async function omm(document) {
-    _known('options', options, _kGltfNames.filter((name) => name !== 'fallbackImages'));
+    _known('options', options, _kGltfNames.filter((name) => name !== 'fallbackImages' && name !== 'targetKnown'));
     // Its accessors would be of another class than those that are written to be baked.
     if (!(document instanceof Document))
       throw new Error('The document is of another copy of @gltf-transform/core than that of vellum-omm: install both in one folder.');

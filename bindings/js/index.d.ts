@@ -192,6 +192,11 @@ export interface GltfBakeOptions extends FileOptions, QualityOptions, Callbacks 
    * another alpha.
    */
   fallbackImages?: boolean;
+  /**
+   * The smallest micromaps that know this share of the alpha-tested surface, 0 to 1, instead of a budget. Not with 2 states, and
+   * not of sweepGltf().
+   */
+  targetKnown?: number;
   /** Names of materials or meshes that are not baked; shell patterns: * ? [...]. */
   excludedMaterials?: string[];
   excludedMeshes?: string[];

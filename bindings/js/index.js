@@ -89,10 +89,10 @@ const kMostSteps = 200; // of onProgress
 const kCallbacks = ['onProgress', 'cancelled', 'signal'];
 const kBakeNames = [...kOptions.map(([name]) => name), ...kCallbacks];
 export const _kGltfNames = [
-  'blend', 'blendCutoff', 'fallbackImages', 'excludedMaterials', 'excludedMeshes',
+  'blend', 'blendCutoff', 'fallbackImages', 'targetKnown', 'excludedMaterials', 'excludedMeshes',
   ...kBakeNames.filter((name) => name !== 'compareOp' && name !== 'disallowMixedSpecialIndices'),
 ];
-const kSweepNames = _kGltfNames.filter((name) => name !== 'level' && name !== 'format' && name !== 'budget');
+const kSweepNames = _kGltfNames.filter((name) => !['level', 'format', 'budget', 'targetKnown'].includes(name));
 const kInputNames = [
   'texture', 'textures', 'uvs', 'uvFormat', 'uvStride', 'uvTransform', 'indices', 'levels', 'formats', 'cutoff',
 ];
@@ -391,9 +391,11 @@ class Vellum {
     const blendCutoff = checked('real', 'blendCutoff', options.blendCutoff);
     // Micromaps of a .gltf are always inside.
     const fallback = checked('bit', 'fallbackImages', options.fallbackImages, false);
-    const flags = (blend || blendCutoff !== undefined ? 1 : 0) | 2 | (blendCutoff !== undefined ? 4 : 0) | (fallback ? 8 : 0);
+    const target = checked('real', 'targetKnown', options.targetKnown);
+    const flags = (blend || blendCutoff !== undefined ? 1 : 0) | 2 | (blendCutoff !== undefined ? 4 : 0) | (fallback ? 8 : 0) |
+      (target !== undefined ? 16 : 0);
     const patterns = call.putText(lists.flat().join('\0'));
-    return [call.putNumbers(options), flags, blendCutoff ?? 0.5, patterns, lists[0].length, lists[1].length];
+    return [call.putNumbers(options), flags, blendCutoff ?? 0.5, target ?? 1, patterns, lists[0].length, lists[1].length];
   }
 
   bakeGltf(bytes, options = {}) {

@@ -139,20 +139,22 @@ typedef enum VellumGltfBakeFlagBits {
     VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT = 4,
     // Textures with an image of an unsupported kind (KTX2, DDS) and another one are baked from the latter. The alpha of
     // the former, which renderers may take, differs.
-    VELLUM_GLTF_BAKE_FALLBACK_IMAGES_BIT = 8
+    VELLUM_GLTF_BAKE_FALLBACK_IMAGES_BIT = 8,
+    // The smallest micromaps that know the share targetKnown of the surface.
+    VELLUM_GLTF_BAKE_TARGET_KNOWN_BIT = 16
 } VellumGltfBakeFlagBits;
 
 // A cache of the caller's, such as the derived-data cache of an engine: values of a few kilobytes by keys of
 // VELLUM_GLTF_CACHE_KEY_SIZE bytes. vellumBakeGltf() asks for the result of each micromap before it bakes it, or with a
-// budget, which all micromaps share, for the results of the whole file at once. A result that is found costs neither
-// decoding an image nor baking, and the output has the same bytes.
+// budget or targetKnown, which all micromaps share, for the results of the whole file at once. A result that is found
+// costs neither decoding an image nor baking, and the output has the same bytes.
 //
 // The key is a digest (SHA-256) of all that a result depends on: vellumGetBakeVersion(), the members of
 // VellumBakeOptions that matter to it, the image as it is stored, the sampler, the factors of alpha, the cutoff, and
-// the texture coordinates of each triangle; with a budget, also of the area of each triangle in the scene. So equal
-// parts of different files have one key, and names, other meshes, `threads` and callbacks are not in it. Values have a
-// checksum: one that was damaged, or put with another key, is baked again. Nothing protects against someone who forges
-// values on purpose.
+// the texture coordinates of each triangle; with a budget or targetKnown, also of the area of each triangle in the
+// scene. So equal parts of different files have one key, and names, other meshes, `threads` and callbacks are not in
+// it. Values have a checksum: one that was damaged, or put with another key, is baked again. Nothing protects against
+// someone who forges values on purpose.
 //
 // Both are called on the thread that called vellumBakeGltf(), and return normally, as all callbacks. They cannot fail:
 // a value that cannot be read is not there, and one that cannot be written is not kept.
@@ -182,6 +184,11 @@ typedef struct VellumGltfBakeOptions {
     // A cache, with userData of the VellumBakeOptions. Each may be null; default null.
     VellumGltfCacheGetCallback cacheGet;
     VellumGltfCachePutCallback cachePut;
+    // For VELLUM_GLTF_BAKE_TARGET_KNOWN_BIT, as --target-known of the command: the share of the file's alpha-tested
+    // surface that is opaque or transparent, 0 to 1. Levels are lowered, and automatic ones raised, for the smallest
+    // micromaps that know so much. A file of which no levels do fails with VELLUM_ERROR_FILE; the message has the share
+    // that they know. Not with a budget or 2 states, which leave nothing unknown. Default 1.
+    double targetKnown;
 } VellumGltfBakeOptions;
 
 VELLUM_API void VELLUM_CALL vellumInitGltfBakeOptions(VellumGltfBakeOptions *options, size_t structSize);

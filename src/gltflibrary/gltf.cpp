@@ -32,6 +32,7 @@ VellumGltfBakeOptions Structure<VellumGltfBakeOptions>::defaults()
     VellumGltfBakeOptions options{};
     options.structSize = sizeof options;
     options.blendCutoff = 0.5f;
+    options.targetKnown = 1;
     return options;
 }
 } // namespace vellum::library
@@ -140,7 +141,8 @@ void vellum::library::readDocumentOptions(const VellumBakeOptions &bake, const V
         throw invalid("flags of VellumBakeOptions is " + std::to_string(bake.flags) + ", not 0");
     constexpr uint32_t kFlags = uint32_t{VELLUM_GLTF_BAKE_BLEND_BIT} | uint32_t{VELLUM_GLTF_BAKE_EMBED_BIT} |
                                 uint32_t{VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT} |
-                                uint32_t{VELLUM_GLTF_BAKE_FALLBACK_IMAGES_BIT};
+                                uint32_t{VELLUM_GLTF_BAKE_FALLBACK_IMAGES_BIT} |
+                                uint32_t{VELLUM_GLTF_BAKE_TARGET_KNOWN_BIT};
     if ((given.flags & ~kFlags) != 0)
         throw invalid("flags is " + std::to_string(given.flags) + ", not made of VellumGltfBakeFlagBits");
     options.blend = (given.flags & VELLUM_GLTF_BAKE_BLEND_BIT) != 0;
@@ -149,6 +151,15 @@ void vellum::library::readDocumentOptions(const VellumBakeOptions &bake, const V
     if ((given.flags & VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT) != 0)
         options.blendCutoff = given.blendCutoff;
     options.fallbackImages = (given.flags & VELLUM_GLTF_BAKE_FALLBACK_IMAGES_BIT) != 0;
+    if (!(given.targetKnown >= 0 && given.targetKnown <= 1))
+        throw invalid("targetKnown is " + std::to_string(given.targetKnown) + ", not 0 to 1");
+    if ((given.flags & VELLUM_GLTF_BAKE_TARGET_KNOWN_BIT) != 0) {
+        if (options.bake.budget)
+            throw invalid("budget and VELLUM_GLTF_BAKE_TARGET_KNOWN_BIT exclude each other");
+        if (options.bake.format == Format::TwoState)
+            throw invalid("VELLUM_GLTF_BAKE_TARGET_KNOWN_BIT is for 4 states: with 2 nothing is unknown");
+        options.targetKnown = given.targetKnown;
+    }
     options.excludedMaterials = patterns("excludedMaterials", given.excludedMaterials, given.excludedMaterialCount);
     options.excludedMeshes = patterns("excludedMeshes", given.excludedMeshes, given.excludedMeshCount);
 }
@@ -259,6 +270,8 @@ VellumResult bakeInto(MakeSource &&source, Target &&target, const VellumBakeOpti
                 return bakeFile(from.document(), to, wanted);
             } catch (const BakeTooLarge &error) {
                 throw Failure(VELLUM_ERROR_TOO_LARGE, utf8Text(from.path) + ": " + error.what());
+            } catch (const BakeError &error) { // targetKnown is more than can be known
+                throw Failure(VELLUM_ERROR_FILE, utf8Text(from.path) + ": " + error.what());
             }
         });
         if (info != nullptr)

@@ -40,13 +40,14 @@ std::vector<const char *> stringsOf(const char *first, size_t count)
 }
 
 // `excluded`, which must stay: the patterns of materials, then those of meshes.
-VellumGltfBakeOptions gltfOptionsOf(uint32_t flags, float blendCutoff, const std::vector<const char *> &excluded,
-                                    size_t materialCount)
+VellumGltfBakeOptions gltfOptionsOf(uint32_t flags, float blendCutoff, double targetKnown,
+                                    const std::vector<const char *> &excluded, size_t materialCount)
 {
     VellumGltfBakeOptions options;
     vellumInitGltfBakeOptions(&options, sizeof options);
     options.flags = flags;
     options.blendCutoff = blendCutoff;
+    options.targetKnown = targetKnown;
     options.excludedMaterials = excluded.data();
     options.excludedMaterialCount = materialCount;
     options.excludedMeshes = excluded.data() + materialCount;
@@ -278,15 +279,15 @@ VELLUM_EXPORT("destroyFiles") void vellumDestroyFilesOfCall(MemoryFiles *files)
 // `patterns`: the excluded materials, then the excluded meshes.
 VELLUM_EXPORT("bakeGltf")
 const Words *vellumBakeGltfOfCall(const uint8_t *bytes, size_t size, const char *name, const double *numbers,
-                                  uint32_t flags, float blendCutoff, const char *patterns, size_t materialCount,
-                                  size_t meshCount)
+                                  uint32_t flags, float blendCutoff, double targetKnown, const char *patterns,
+                                  size_t materialCount, size_t meshCount)
 {
     return guardedExport([&] {
         auto result = std::make_unique<Result>();
         result->owner = std::make_shared<Baked>();
         const VellumBakeOptions bake = optionsOf(numbers, *result);
         const std::vector<const char *> excluded = stringsOf(patterns, materialCount + meshCount);
-        VellumGltfBakeOptions options = gltfOptionsOf(flags, blendCutoff, excluded, materialCount);
+        VellumGltfBakeOptions options = gltfOptionsOf(flags, blendCutoff, targetKnown, excluded, materialCount);
         options.skipped = [](void *userData, const char *place, const char *note) {
             bakedOf(userData).keep([&] { bakedOf(userData).skipped.emplace_back(place, note); });
         };
@@ -311,14 +312,15 @@ const Words *vellumBakeGltfOfCall(const uint8_t *bytes, size_t size, const char 
 // As bakeGltf. Level, format and budget are ignored.
 VELLUM_EXPORT("sweepGltf")
 const Words *vellumSweepGltfOfCall(const uint8_t *bytes, size_t size, const char *name, const double *numbers,
-                                   uint32_t flags, float blendCutoff, const char *patterns, size_t materialCount,
-                                   size_t meshCount)
+                                   uint32_t flags, float blendCutoff, double targetKnown, const char *patterns,
+                                   size_t materialCount, size_t meshCount)
 {
     return run([&](Result &result) {
         const VellumBakeOptions given = optionsOf(numbers, result);
         const std::vector<const char *> excluded = stringsOf(patterns, materialCount + meshCount);
         DocumentBakeOptions options;
-        library::readDocumentOptions(given, gltfOptionsOf(flags, blendCutoff, excluded, materialCount), options);
+        library::readDocumentOptions(given, gltfOptionsOf(flags, blendCutoff, targetKnown, excluded, materialCount),
+                                     options);
         const library::Callbacks callbacks(given, options.bake);
         sweep(File{bytes, size, name}.document(), options, result);
     });

@@ -293,6 +293,32 @@ TEST(LibraryGltf, SkipsBlendByDefault)
     EXPECT_EQ(card.primitive(0).indices[0], VELLUM_SPECIAL_INDEX_FULLY_TRANSPARENT);
 }
 
+// The bytes are those of `vellum bake --target-known`, which calls the same function.
+TEST(LibraryGltf, TheSmallestThatKnowsAShare)
+{
+    Card card;
+    card.more.flags = VELLUM_GLTF_BAKE_TARGET_KNOWN_BIT;
+    uint64_t last = 0;
+    for (const double share : {0.0, 0.3, 0.6}) {
+        card.more.targetKnown = share;
+        ASSERT_EQ(card.bake(), VELLUM_SUCCESS) << card.message;
+        EXPECT_GT(card.info.micromapSize, last);
+        last = card.info.micromapSize;
+        FileBakeOptions options;
+        options.bake.level = 4;
+        options.bake.threads = 1;
+        options.targetKnown = share;
+        bakeFile(card.folder / "card.glb", card.folder / "expected.glb", options);
+        EXPECT_EQ(readFile(card.folder / "card.omm.glb"), readFile(card.folder / "expected.glb"));
+    }
+    card.more.targetKnown = 1;
+    EXPECT_EQ(card.bake(), VELLUM_ERROR_FILE);
+    EXPECT_NE(card.message.find("card.glb: the wanted share is not reached: at most "), std::string::npos)
+        << card.message;
+    card.more.flags = 0;
+    EXPECT_EQ(card.bake(), VELLUM_SUCCESS) << "a share that was not requested";
+}
+
 TEST(LibraryGltf, FallbackImagesOnRequest)
 {
     Card card({{R"({"source": 0, "sampler": 0})",
@@ -424,7 +450,19 @@ TEST(LibraryGltf, BadArgumentsAreNamed)
          [](Card &c) { c.options.compareOp = VELLUM_COMPARE_OP_GREATER; }},
         {"flags of VellumBakeOptions is 1",
          [](Card &c) { c.options.flags = VELLUM_BAKE_DISALLOW_MIXED_SPECIAL_INDICES_BIT; }},
-        {"flags is 16", [](Card &c) { c.more.flags = 16; }},
+        {"flags is 32", [](Card &c) { c.more.flags = 32; }},
+        {"targetKnown is 1.5", [](Card &c) { c.more.targetKnown = 1.5; }},
+        {"targetKnown is nan", [](Card &c) { c.more.targetKnown = std::numeric_limits<double>::quiet_NaN(); }},
+        {"budget and VELLUM_GLTF_BAKE_TARGET_KNOWN_BIT exclude each other",
+         [](Card &c) {
+             c.more.flags = VELLUM_GLTF_BAKE_TARGET_KNOWN_BIT;
+             c.options.budget = 1000;
+         }},
+        {"VELLUM_GLTF_BAKE_TARGET_KNOWN_BIT is for 4 states",
+         [](Card &c) {
+             c.more.flags = VELLUM_GLTF_BAKE_TARGET_KNOWN_BIT;
+             c.options.format = VELLUM_MICROMAP_FORMAT_2_STATE;
+         }},
         {"blendCutoff is not finite", [](Card &c) { c.more.blendCutoff = std::numeric_limits<float>::quiet_NaN(); }},
         {"blendCutoff is not finite", [](Card &c) { c.more.blendCutoff = std::numeric_limits<float>::infinity(); }},
         {"excludedMaterials is null, but 2 patterns", [](Card &c) { c.more.excludedMaterialCount = 2; }},

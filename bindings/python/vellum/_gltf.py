@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 Path = Union[str, "os.PathLike[str]"]
-_BLEND, _EMBED, _BLEND_CUTOFF, _FALLBACK_IMAGES = 1, 2, 4, 8
+_BLEND, _EMBED, _BLEND_CUTOFF, _FALLBACK_IMAGES, _TARGET_KNOWN = 1, 2, 4, 8, 16
 
 
 class GltfNote(NamedTuple):
@@ -92,6 +92,8 @@ class GltfBakeOptions(QualityOptions, total=False):
     blend: also bakes alphaMode BLEND: opaque only where alpha is 1, transparent only where it is 0; default False.
     blend_cutoff: bakes it as a mask with this cutoff instead, finite; wrong for renderers that blend.
     fallback_images: bakes textures with an image that is not supported (KTX2, DDS) from their other one; default False.
+    target_known: the smallest micromaps that know this share of the alpha-tested surface, 0 to 1, instead of a budget; not with
+        2 states.
     excluded_materials, excluded_meshes: names of those that are not baked; shell patterns: * ? [...].
     cache: results by keys of 32 bytes, such as a dict. It is asked before anything is baked.
     """
@@ -99,6 +101,7 @@ class GltfBakeOptions(QualityOptions, total=False):
     blend: bool
     blend_cutoff: float
     fallback_images: bool
+    target_known: float
     excluded_materials: Sequence[str]
     excluded_meshes: Sequence[str]
     cache: MutableMapping[bytes, bytes]
@@ -184,6 +187,9 @@ class _FileBake:
         if own.get("blend_cutoff") is not None:
             self.options.flags |= _BLEND | _BLEND_CUTOFF
             _native.set_members(self.options, blend_cutoff=own["blend_cutoff"])
+        if own.get("target_known") is not None:
+            self.options.flags |= _TARGET_KNOWN
+            _native.set_members(self.options, target_known=own["target_known"])
         for member, count in (("excluded_materials", "excluded_material_count"), ("excluded_meshes", "excluded_mesh_count")):
             patterns = _native.strings(member, own.get(member) or ())
             setattr(self.options, member, patterns)

@@ -141,7 +141,7 @@ class GltfBakeOptions(ctypes.Structure):
     _fields_ = [("struct_size", c_size_t), ("flags", c_uint32), ("blend_cutoff", c_float),
                 ("excluded_materials", POINTER(c_char_p)), ("excluded_material_count", c_size_t),
                 ("excluded_meshes", POINTER(c_char_p)), ("excluded_mesh_count", c_size_t), ("skipped", NOTE),
-                ("cache_get", CACHE_GET), ("cache_put", CACHE_PUT)]
+                ("cache_get", CACHE_GET), ("cache_put", CACHE_PUT), ("target_known", c_double)]
 
 
 class GltfBakeInfo(ctypes.Structure):
