@@ -62,8 +62,10 @@ ComparedBake bakeOf(const InspectedFile &file, const PartOfFile &part)
     const Tally tally = tallyOf(file, part.primitives);
     bake.bytes = tally.dataBytes + tally.recordsUsed * sizeof(MicromapTriangle);
     bake.triangles = tally.triangles;
-    for (size_t level = 0; level < bake.levels.size(); ++level)
+    for (size_t level = 0; level < bake.levels.size(); ++level) {
         bake.levels[level] = tally.levels[level][0] + tally.levels[level][1];
+        bake.twoStates = bake.twoStates || tally.levels[level][0] != 0;
+    }
     return bake;
 }
 
@@ -92,7 +94,7 @@ std::string levelsText(const ComparedBake &bake)
 
 std::string knownText(const std::optional<ComparedBake> &bake)
 {
-    return bake && bake->known ? percent(*bake->known) : "-";
+    return bake && bake->known ? percent(*bake->known) + (bake->twoStates ? " in 2 states" : "") : "-";
 }
 
 // Known of both, bytes of both, levels of both.
@@ -189,7 +191,8 @@ std::string pageOf(const Comparison &comparison)
         table("", {comparison.all}) + "<h2>By material</h2>\n" + table("material", comparison.materials) +
         "<h2>By mesh</h2>\n" + table("mesh", comparison.meshes) +
         "<p class=\"muted\">Surface known: the share of the alpha-tested surface of the scene that is opaque or "
-        "transparent. What has no micromap is unknown. Bytes are those of states and of micromap triangles; what "
+        "transparent. What has no micromap is unknown. With 2 states nothing else is, and a part of it is approximate: "
+        "outlines follow the micro-triangles. Bytes are those of states and of micromap triangles; what "
         "several materials or meshes share counts for each of them.</p>";
     return plainPage(comparison.files[0] + " and " + comparison.files[1], body);
 }

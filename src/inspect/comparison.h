@@ -19,6 +19,7 @@ struct ComparedBake {
     uint64_t bytes = 0;                // of data and records; what others share as well counts for each
     uint64_t triangles = 0;            // with a micromap
     std::array<uint64_t, 13> levels{}; // triangles with data by level
+    bool twoStates = false;            // some of that data has 2 states
 };
 
 // A material or a mesh, matched by name, or by number where it has no name.

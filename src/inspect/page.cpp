@@ -117,7 +117,9 @@ void writeFile(const InspectedFile &file, JsonWriter &json)
     json.member("inspectedMeshes", meshes.size()).member("primitives", file.primitiveCount);
     json.member("micromapPrimitives", file.stored.primitives.size());
     if (file.surface)
-        json.member("surfaceKnown", file.surface->known()).member("surfaceWithout", file.surface->withoutMicromap);
+        json.member("surfaceKnown", file.surface->known())
+            .member("surfaceWithout", file.surface->withoutMicromap)
+            .member("surfaceTwoStates", file.surface->twoStates);
     json.end();
 }
 

@@ -15,9 +15,13 @@ void beginReport(JsonWriter &json, const char *command)
 
 std::string describe(const SurfaceShares &surface)
 {
-    std::string text = percent(surface.known()) + " of the alpha-tested surface is known";
+    const bool approximate = surface.twoStates > 0;
+    std::string text = percent(surface.known()) + " of the alpha-tested surface is " +
+                       (approximate ? "opaque or transparent" : "known");
     if (surface.withoutMicromap > 0)
         text += ", " + percent(surface.withoutMicromap) + " of it has no micromap";
+    if (approximate)
+        text += ", " + percent(surface.twoStates) + " of it is in triangles with " + kTwoStatesText;
     return text;
 }
 
@@ -30,7 +34,7 @@ void writeSurface(const std::optional<SurfaceShares> &surface, JsonWriter &json)
     }
     json.beginObject().member("known", surface->known());
     writeStates("states", surface->states, json);
-    json.member("withoutMicromap", surface->withoutMicromap).end();
+    json.member("withoutMicromap", surface->withoutMicromap).member("twoStates", surface->twoStates).end();
 }
 
 void writeFinding(const char *kind, const std::string &place, const std::string &message, JsonWriter &json)

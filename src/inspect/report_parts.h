@@ -34,7 +34,11 @@ void writeStates(const char *name, const Values &values, JsonWriter &json)
     json.end();
 }
 
-// "61.2 % of the alpha-tested surface is known, 9.0 % of it has no micromap"
+inline constexpr const char *kTwoStatesText =
+    "2 states: approximate, as outlines follow the micro-triangles and no shader refines them";
+
+// "61.2 % of the alpha-tested surface is known, 9.0 % of it has no micromap"; with 2 states nothing is unknown, so what
+// is not proven is not said to be known.
 std::string describe(const SurfaceShares &surface);
 
 // "surface": null without shares.

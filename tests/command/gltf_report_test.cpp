@@ -208,6 +208,25 @@ TEST_F(GltfReport, SharesOfTheSurfaceIncludeSkippedPrimitives)
     EXPECT_TRUE(has(run({"inspect", in("card.omm.glb"), "-o", in("a.html")}).output, text)) << text;
 }
 
+// They leave nothing unknown, which is no merit: a part of it is a guess.
+TEST_F(GltfReport, TwoStatesAreNotSaidToBeKnown)
+{
+    write("card.glb", {});
+    const std::string text = "100.0 % of the alpha-tested surface is opaque or transparent, ";
+    const std::string why = " of it is in triangles with 2 states: approximate, as outlines follow the micro-triangles "
+                            "and no shader refines them";
+    for (const std::string &output : {run({"bake", in("card.glb"), "--level", "3", "--states", "2"}).output,
+                                      run({"inspect", in("card.omm.glb"), "-o", in("a.html")}).output,
+                                      run({"verify", in("card.omm.glb")}).output}) {
+        EXPECT_TRUE(has(output, text)) << output;
+        EXPECT_TRUE(has(output, why)) << output;
+    }
+    const Outcome json = run({"inspect", in("card.omm.glb"), "-o", in("a.html"), "--force", "--json"});
+    EXPECT_GT(number(JsonTree(json.output).root()["files"].children().at(0)["surface"]["twoStates"]), 0);
+    run({"bake", in("card.glb"), "-o", in("four.glb"), "--level", "3"});
+    EXPECT_TRUE(has(run({"inspect", in("four.glb"), in("card.omm.glb")}).output, "100.0 % in 2 states"));
+}
+
 TEST_F(GltfReport, UnreadableFilesFail)
 {
     writeCardGltf(folder / "card.gltf", {0xab, 'K', 'T', 'X', ' ', '2', '0', 0xbb, '\r', '\n', 0x1a, '\n'});

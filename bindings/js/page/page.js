@@ -343,7 +343,7 @@ function startPage() {
         const made = row(
           cell(element('label', {}, input, name)),
           cell(each.tooLarge ? 'too large' : count(each.bytes), true),
-          cell(percent(each.known), true),
+          cell(percent(each.proven), true),
           element('td', { class: 'bar-cell' }, element('div', { class: 'bar', 'aria-hidden': 'true' }, ...bar)),
           cell(each.states === 2 ? percent(each.known - each.proven) : '–', true),
           cell(levels.length > 1 ? `${levels[0]}–${levels.at(-1)}` : (levels[0] ?? '–'), true));

@@ -224,7 +224,7 @@ class PageTest(unittest.TestCase):
         rows = sorted(swept["rows"], key=lambda row: (row["budget"] is not None, row["states"] == 2))
         self.assertEqual([row[1] for row in self.rows()], [row["bytes"] for row in rows])
         for shown, row in zip(self.rows(), rows):
-            self.assertAlmostEqual(shown[2], 100 * row["known"], delta=0.0501)
+            self.assertAlmostEqual(shown[2], 100 * row["proven"], delta=0.0501)
         self.assertIn(swept["recommendation"]["reason"], self.browser.text("recommended"))
         self.assertEqual(" ".join(self.command()), swept["recommendation"]["options"])
 

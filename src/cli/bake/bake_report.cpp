@@ -71,13 +71,22 @@ std::string levelsText(const BakedReport &primitive)
     return low == high ? std::to_string(low) : fmt::format("{}-{}", low, high);
 }
 
+// Of a file without a scene to measure.
+std::string describeTriangles(const BakeFileReport &file)
+{
+    const bool approximate = std::any_of(file.micromaps.begin(), file.micromaps.end(), [](const MicromapSummary &m) {
+        return std::any_of(m.levels.begin(), m.levels.end(), [](const auto &entry) { return entry.first.second == 2; });
+    });
+    const std::string share = percent(knownShare(file.primitives)) + " of triangles are ";
+    return approximate ? share + "opaque or transparent, some in " + kTwoStatesText : share + "known";
+}
+
 std::string summary(const BakeFileReport &file)
 {
     size_t triangles = 0;
     for (const BakedReport &primitive : file.primitives)
         triangles += primitive.triangles;
-    const std::string share =
-        file.surface ? describe(*file.surface) : percent(knownShare(file.primitives)) + " of triangles are known";
+    const std::string share = file.surface ? describe(*file.surface) : describeTriangles(file);
     std::string text = file.primitives.empty()
                            ? std::string(file.written ? "nothing to bake" : "nothing to bake, not written")
                            : fmt::format("{}; {} of micromaps, {}, {}", share, counted(micromapBytes(file), "byte"),

@@ -129,7 +129,7 @@ std::vector<std::array<std::string, 6>> tableOf(const Sweep &sweep)
         {"options", "bytes", "surface known", "approximate", "bytes per further %", "shader calls"}};
     for (const SweepRow &row : sweep.rows)
         table.push_back(
-            {row.options(), row.tooLarge ? "too large" : grouped(row.bytes), percent(row.known),
+            {row.options(), row.tooLarge ? "too large" : grouped(row.bytes), percent(row.proven),
              row.setting.format == Format::TwoState ? percent(row.approximate()) : "-",
              row.bytesPerPercent ? grouped(static_cast<uint64_t>(std::max(0.0, *row.bytesPerPercent))) : "-",
              fmt::format("{:.0f}", row.shaderCalls())});
@@ -158,7 +158,7 @@ void printSweep(const Sweep &sweep)
     }
     if (sweep.recommendation)
         fmt::print("recommended: {}: {}\n", sweep.recommendation->options, sweep.recommendation->reason);
-    fmt::print("{}\n", kTwoStatesText);
+    fmt::print("{}\n", kApproximateText);
     fmt::print("{}\n", kShaderCallsText);
     if (const std::string text = exclusionsText(sweep); !text.empty())
         fmt::print("{}\n", text);

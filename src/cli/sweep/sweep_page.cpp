@@ -136,7 +136,7 @@ void Chart::drawSeries(const Series &series)
         svg_ += fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\" fill=\"{}\" stroke=\"{}\">", x(*row),
                             y(shown(*row)), budget ? 3 : 4, two ? "#ffffff" : series.color, series.color);
         svg_ += fmt::format("<title>{}: {} bytes, {} known</title></circle>\n", markupText(row->options()),
-                            grouped(row->bytes), percent(row->known));
+                            grouped(row->bytes), percent(shown(*row)));
         if (budget)
             continue;
         // Names of 2 states are above their line, those of 4 states below theirs, and automatic levels' below these.
@@ -197,7 +197,7 @@ std::string sweepPage(const Sweep &sweep)
         page += fmt::format("<p><b>Recommended: <code>vellum bake {}</code></b>: {}.</p>\n",
                             markupText(sweep.recommendation->options), markupText(sweep.recommendation->reason));
     page += Chart(sweep).draw() + htmlTableOf(sweep);
-    page += fmt::format("<p class=\"muted\">{}</p>\n<p class=\"muted\">{}</p>\n", kShaderCallsText, kTwoStatesText);
+    page += fmt::format("<p class=\"muted\">{}</p>\n<p class=\"muted\">{}</p>\n", kShaderCallsText, kApproximateText);
     if (const std::string text = exclusionsText(sweep); !text.empty())
         page += fmt::format("<p class=\"muted\">{}.</p>\n", markupText(text));
     return inspect::plainPage(title + " – settings of vellum bake", page);

@@ -72,6 +72,8 @@ public:
                 const auto record = static_cast<uint32_t>(micromap->indices[t]) + micromap->baseTriangle;
                 for (size_t state = 0; state < 4; ++state)
                     sum_.states[state] += areas[t] * shares[record][state];
+                if (micromap->triangles[record].format == Format::TwoState)
+                    sum_.twoStates += areas[t];
             }
         }
     }
@@ -84,6 +86,7 @@ public:
         for (double &state : result.states)
             state /= all_;
         result.withoutMicromap /= all_;
+        result.twoStates /= all_;
         return result;
     }
 

@@ -23,6 +23,7 @@ std::vector<std::array<double, 4>> stateShares(std::span<const MicromapTriangle>
 struct SurfaceShares {
     std::array<double, 4> states{}; // by State, of triangles with a micromap
     double withoutMicromap = 0;
+    double twoStates = 0; // of triangles with 2-state data, which is never unknown
 
     [[nodiscard]] double known() const
     {

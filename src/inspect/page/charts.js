@@ -52,6 +52,9 @@ function showTiles() {
   document.getElementById("tiles").append(
     facts.file.surfaceKnown === undefined
       ? tile("Triangles known", percent(known), "each triangle counted alike")
+      : facts.file.surfaceTwoStates
+        ? tile("Surface opaque or transparent", percent(facts.file.surfaceKnown),
+          `${percent(facts.file.surfaceTwoStates)} in triangles with 2 states: approximate`)
       : tile("Surface known", percent(facts.file.surfaceKnown), facts.file.surfaceWithout
         ? `${percent(facts.file.surfaceWithout)} has no micromap` : `${percent(1 - facts.file.surfaceKnown)} is left to the shader`),
     tile("Triangles", count(t.triangles), `${percent(t.triangles ? special / t.triangles : 0)} with a special index`),
