@@ -162,8 +162,7 @@ std::function<int()> declareCheckCommand(CLI::App &app)
     options->jobs = std::clamp(std::thread::hardware_concurrency(), 1U, kMostJobs);
     CLI::App &command =
         *app.add_subcommand("check", "Tests the opacity micromaps of a Vulkan device with random cases");
-    command.footer(kCheckDetails +
-                   exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage, ExitCode::NotRun}));
+    command.footer(kCheckDetails);
     declareSelection(command, *options);
     declareOutput(command, *options);
     declareDevice(command, *options);

@@ -123,7 +123,7 @@ std::map<std::string, std::function<int()>> declareCommands(CLI::App &app, const
                          "Print the version, the commit and what this build cannot read")
         ->group(kGeneral);
     app.require_subcommand(1);
-    app.footer(exitStatus({}) + kDetails + "\nMicromaps in glTF files are by " + kMicromapExtension + " (" +
+    app.footer(exitStatus("") + kDetails + "\nMicromaps in glTF files are by " + kMicromapExtension + " (" +
                kMicromapDraft + ").");
     std::map<std::string, std::function<int()>> commands;
     commands["bake"] = declareBakeCommand(app);
@@ -137,8 +137,10 @@ std::map<std::string, std::function<int()>> declareCommands(CLI::App &app, const
     commands["bench"] = declareBenchCommand(app);
     commands["check"] = declareCheckCommand(app);
     commands["help"] = declareHelpCommand(app);
-    for (CLI::App *subcommand : app.get_subcommands(std::function<bool(CLI::App *)>()))
+    for (CLI::App *subcommand : app.get_subcommands(std::function<bool(CLI::App *)>())) {
         subcommand->get_help_ptr()->group(kGeneral);
+        subcommand->footer(subcommand->get_footer() + exitStatus(subcommand->get_name()));
+    }
     return commands;
 }
 

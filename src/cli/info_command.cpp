@@ -107,8 +107,7 @@ std::function<int()> declareInfoCommand(CLI::App &app)
 {
     const auto options = std::make_shared<InfoOptions>();
     CLI::App &command = *app.add_subcommand("info", "Reports what devices and glTF files have, and what is missing");
-    command.footer(kInfoDetails +
-                   exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage, ExitCode::InvalidMicromaps}));
+    command.footer(kInfoDetails);
     command
         .add_option("FILE", options->files, "glTF files (.glb, .gltf) or folders of them; without one, this machine")
         ->type_name("[FILE]...")

@@ -95,7 +95,7 @@ void declareOutputs(CLI::App &command, InspectOptions &options)
 
 std::function<void()> declareInspect(CLI::App &command, InspectOptions &options)
 {
-    command.footer(kInspectDetails + exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage}));
+    command.footer(kInspectDetails);
     command.option_defaults()->group(kInput);
     command.add_option("IN", options.input, "A .glb or .gltf file")->type_name("IN")->required();
     command.add_option("OUT", options.operand, "The same as -o OUT; or a second .glb or .gltf file to compare with")

@@ -247,7 +247,7 @@ std::function<int()> declareRenderCommand(CLI::App &app)
     const auto all = std::make_shared<Options>();
     CLI::App &command =
         *app.add_subcommand("render", "Renders a glTF file, or built-in foliage, to a PNG by tracing rays");
-    command.footer(kRenderDetails + exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage}));
+    command.footer(kRenderDetails);
     declareFiles(command, all->options, all->raw);
     declarePicture(command, all->options, all->raw);
     declareQuality(command, all->options, all->raw);

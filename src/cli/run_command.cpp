@@ -300,9 +300,7 @@ std::function<int()> declareRunCommand(CLI::App &app, const std::vector<std::str
     const auto options = std::make_shared<RunOptions>();
     CLI::App &command =
         *app.add_subcommand("run", "Runs a program with the layer on, and fails if the layer reports errors");
-    command.footer(kRunDetails + exitStatus({ExitCode::Usage, ExitCode::MessagesFailed, ExitCode::NotRun,
-                                             ExitCode::NotExecutable, ExitCode::NoProgram},
-                                            kExitCodesOfPrograms));
+    command.footer(kRunDetails);
     command.add_option("PROGRAM", options->program, "The program and its arguments")
         ->type_name("-- PROGRAM [ARGUMENT]...")
         ->group(kInput)

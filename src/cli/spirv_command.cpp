@@ -65,7 +65,7 @@ struct SpirvOptions {
 
 void declareSpirv(CLI::App &command, SpirvOptions &options)
 {
-    command.footer(kSpirvDetails + exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage}));
+    command.footer(kSpirvDetails);
     command.option_defaults()->group(kInput);
     command.add_option("IN", options.inputs, "A SPIR-V module, and OUT, a new file; with --lint several modules")
         ->type_name("IN... [OUT]")

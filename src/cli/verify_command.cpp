@@ -49,10 +49,7 @@ struct VerifyOptions {
 
 void declareVerify(CLI::App &command, VerifyOptions &options)
 {
-    command.footer(kVerifyDetails +
-                   exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage, ExitCode::InvalidMicromaps,
-                               ExitCode::WrongClaims, ExitCode::UncertainClaims, ExitCode::NeedlesslyUnknown,
-                               ExitCode::NoMicromaps}));
+    command.footer(kVerifyDetails);
     command.option_defaults()->group(kInput);
     command.add_option("FILE", options.files, "glTF files (.glb, .gltf) or folders of them")
         ->type_name("FILE...")

@@ -2,6 +2,7 @@
 // The command line itself: help, suggestions, errors and exit codes.
 #include <cstdlib>
 #include <gtest/gtest.h>
+#include <map>
 #include <regex>
 #include <sstream>
 
@@ -77,6 +78,43 @@ TEST(CommandLine, AllExitCodesAreInTheHelp)
         EXPECT_TRUE(has(overview, std::string("\n  ") + code + "  ")) << overview;
         EXPECT_TRUE(has(verify, std::string("\n  ") + code + "  ")) << verify;
     }
+}
+
+TEST(CommandLine, EveryHelpHasTheExitCodesOfItsSubcommand)
+{
+    const std::map<std::string, std::vector<std::string>> codes = {
+        {"bake", {"0", "1", "2", "7"}},
+        {"bench", {"0", "1", "2"}},
+        {"check", {"0", "1", "2", "125"}},
+        {"help", {"0", "1", "2"}},
+        {"info", {"0", "1", "2", "3"}},
+        {"inspect", {"0", "1", "2"}},
+        {"render", {"0", "1", "2"}},
+        {"run", {"1", "2", "122", "125", "126", "127"}},
+        {"spirv", {"0", "1", "2"}},
+        {"sweep", {"0", "1", "2"}},
+        {"verify", {"0", "1", "2", "3", "4", "5", "6", "7"}},
+    };
+    std::istringstream lines(runVellum({"help"}).output);
+    std::string line;
+    while (std::getline(lines, line) && line != "Subcommands:") {
+    }
+    while (std::getline(lines, line) && line.starts_with("  ")) {
+        if (line.starts_with("   "))
+            continue;
+        const std::string subcommand = line.substr(2, line.find(' ', 2) - 2);
+        const std::string help = runVellum({"help", subcommand}).output;
+        std::istringstream section(help.substr(std::min(help.find("\nExit status:\n"), help.size())));
+        std::vector<std::string> found;
+        static const std::regex kCode(R"(  (\d+)  .*)");
+        std::smatch match;
+        while (std::getline(section, line))
+            if (std::regex_match(line, match, kCode))
+                found.push_back(match[1]);
+        ASSERT_TRUE(codes.contains(subcommand)) << subcommand;
+        EXPECT_EQ(found, codes.at(subcommand)) << help;
+    }
+    EXPECT_TRUE(has(runVellum({"help", "bake"}).output, "\n  7  --require-micromaps: no micromaps\n"));
 }
 
 TEST(CommandLine, ErrorsNameTheOptionAndItsRange)

@@ -328,8 +328,7 @@ std::function<int()> declareBakeCommand(CLI::App &app)
 {
     const auto options = std::make_shared<BakeCommandOptions>();
     CLI::App &command = *app.add_subcommand("bake", "Bakes opacity micromaps into glTF files");
-    command.footer(kBakeDetails +
-                   exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage, ExitCode::NoMicromaps}));
+    command.footer(kBakeDetails);
     const auto raw = std::make_shared<RawFileOptions>();
     declareFiles(command, *options, *raw);
     const std::function<void()> finish = declareBaking(command, options->bake);

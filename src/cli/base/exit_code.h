@@ -2,7 +2,10 @@
 // The exit codes of all subcommands.
 #pragma once
 
-#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
 
 namespace vellum::cli
 {
@@ -24,13 +27,9 @@ enum class ExitCode : int {
     NoProgram = 127,      // run
 };
 
-struct ExitCodeMeaning {
-    ExitCode code;
-    const char *text;
-};
-
-// All of them, in order.
-std::span<const ExitCodeMeaning> exitCodes();
+// What codes mean, each as "4" and "states that contradict the texture", in order: those that a subcommand can return,
+// or all, with the subcommands and options before the texts, if it is empty.
+std::vector<std::pair<std::string, std::string>> exitCodesOf(std::string_view subcommand);
 
 // The code of a run in which both happened.
 ExitCode worse(ExitCode a, ExitCode b);

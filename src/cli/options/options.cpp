@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "base/files.h"
+#include "base/process.h"
 #include "cli/options/cli11.h"
 
 namespace vellum::cli
@@ -294,19 +295,21 @@ std::vector<OptionGroup> optionGroups(const CLI::App &app)
     return groups;
 }
 
-std::string exitStatus(std::initializer_list<ExitCode> codes, const std::string &first)
+std::string exitStatus(const std::string &subcommand)
 {
-    const auto listed = [&](ExitCode code) {
-        return codes.size() == 0 || std::find(codes.begin(), codes.end(), code) != codes.end();
-    };
-    size_t width = std::min(first.find("  "), first.size());
-    for (const ExitCodeMeaning &meaning : exitCodes())
-        if (listed(meaning.code))
-            width = std::max(width, std::to_string(static_cast<int>(meaning.code)).size());
-    std::string text = "\nExit status:\n" + (first.empty() ? "" : "  " + first + "\n");
-    for (const ExitCodeMeaning &meaning : exitCodes())
-        if (listed(meaning.code))
-            text += fmt::format("  {:<{}}  {}\n", static_cast<int>(meaning.code), width, meaning.text);
+    std::vector<std::pair<std::string, std::string>> codes = exitCodesOf(subcommand);
+    if (subcommand == "run") {
+        const std::string ofProgram = kExitCodesOfPrograms;
+        const size_t gap = ofProgram.find("  ");
+        codes.insert(codes.begin(),
+                     {ofProgram.substr(0, gap), ofProgram.substr(ofProgram.find_first_not_of(' ', gap))});
+    }
+    size_t width = 0;
+    for (const auto &[code, meaning] : codes)
+        width = std::max(width, code.size());
+    std::string text = "\nExit status:\n";
+    for (const auto &[code, meaning] : codes)
+        text += fmt::format("  {:<{}}  {}\n", code, width, meaning);
     return text;
 }
 

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <array>
-#include <initializer_list>
 #include <memory>
 #include <optional>
 #include <string>
@@ -41,9 +40,8 @@ struct OptionGroup {
 };
 std::vector<OptionGroup> optionGroups(const CLI::App &app);
 
-// A section of help and of a manual page: "Exit status:" and these codes; all of them for an empty list. `first`: a
-// line before them, a term and its explanation.
-std::string exitStatus(std::initializer_list<ExitCode> codes, const std::string &first = {});
+// A section of help and of a manual page: "Exit status:" and the codes of a subcommand, or all of them if it is empty.
+std::string exitStatus(const std::string &subcommand);
 
 CLI::Validator between(double low, double high);
 CLI::Validator atLeast(double low);

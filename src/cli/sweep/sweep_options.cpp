@@ -37,7 +37,7 @@ Examples:
 
 void declareSweep(CLI::App &command, SweepOptions &options)
 {
-    command.footer(kSweepDetails + exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage}));
+    command.footer(kSweepDetails);
     command.option_defaults()->group(kInput);
     command.add_option("IN", options.inputs, "glTF files (.glb, .gltf) or folders of them")
         ->type_name("IN...")
