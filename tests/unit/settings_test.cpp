@@ -21,6 +21,10 @@ namespace vellum::layer
 namespace
 {
 
+// What ends each line on stderr and in files: the program and its process.
+const std::string kProcess =
+    " [" + std::filesystem::read_symlink("/proc/self/exe").filename().string() + " " + std::to_string(getpid()) + "]";
+
 class SettingsTest : public testing::Test
 {
 protected:
@@ -185,9 +189,14 @@ TEST_F(SettingsTest, WrongNamesAreReportedOnce)
                                        {"VK_LAYER_other", "strictest", VK_LAYER_SETTING_TYPE_BOOL32_EXT, 0, nullptr}};
     const VkLayerSettingsCreateInfoEXT chain{VK_STRUCTURE_TYPE_LAYER_SETTINGS_CREATE_INFO_EXT, nullptr, 2, settings};
     const std::string head = "vellum: VELLUM-setting: there is no setting ";
-    EXPECT_EQ(printed(&chain), head + "strickt (" + file_.string() + ")\n" + head + "stricter (VkLayerSettingEXT)\n" +
-                                   head + "VK_VELLUM_OPACITY_MICROMAP_STRICKT\n" + head + "VK_VELLUM_STRICKT\n" + head +
-                                   "VELLUM_STRICKT\n");
+    set("VELLUM_CACHE", "a variable of the command");
+    const std::string tail = "; did you mean ";
+    const std::string end = kProcess + "\n";
+    EXPECT_EQ(printed(&chain), head + "strickt (" + file_.string() + ")" + tail + "strict?" + end + head +
+                                   "stricter (VkLayerSettingEXT)" + tail + "strict?" + end + head +
+                                   "VK_VELLUM_OPACITY_MICROMAP_STRICKT" + tail + "VK_VELLUM_OPACITY_MICROMAP_STRICT?" +
+                                   end + head + "VK_VELLUM_STRICKT" + tail + "VK_VELLUM_STRICT?" + end + head +
+                                   "VELLUM_STRICKT" + tail + "VELLUM_STRICT?" + end);
     EXPECT_EQ(printed(&chain), "");
     EXPECT_FALSE(settings_.strict);
 }
@@ -201,7 +210,7 @@ TEST_F(SettingsTest, WrongValuesAreReportedOnceAndIgnored)
                                        {kLayerName, "validate", static_cast<VkLayerSettingTypeEXT>(99), 1, &yes}};
     const VkLayerSettingsCreateInfoEXT chain{VK_STRUCTURE_TYPE_LAYER_SETTINGS_CREATE_INFO_EXT, nullptr, 2, settings};
     const std::string head = "vellum: VELLUM-setting: ";
-    const std::string tail = "; the setting is ignored\n";
+    const std::string tail = "; the setting is ignored" + kProcess + "\n";
     EXPECT_EQ(printed(&chain),
               head + "report is \"quiet\" (" + file_.string() + ") and must be error, warning, info or none" + tail +
                   head + "dump_shaders is of type 0 (VkLayerSettingEXT) and must be of type STRING" + tail + head +
@@ -223,14 +232,15 @@ TEST_F(SettingsTest, FaultsAreAppendedToTheReportFile)
     std::ifstream lines(report);
     const std::string text(std::istreambuf_iterator<char>(lines), {});
     EXPECT_EQ(text, "error VELLUM-setting: strict is \"per haps\" (VELLUM_STRICT) and must be 1, true, on, 0, false or "
-                    "off; the setting is ignored\n");
+                    "off; the setting is ignored" +
+                        kProcess + "\n");
 }
 
 TEST_F(SettingsTest, MissingFile)
 {
     set("VK_LAYER_SETTINGS_PATH", (folder_ / "nowhere").string().c_str());
     EXPECT_EQ(printed(), "vellum: VELLUM-setting: VK_LAYER_SETTINGS_PATH is \"" + (folder_ / "nowhere").string() +
-                             "\" and must be a file of settings, or a folder with one\n");
+                             "\" and must be a file of settings, or a folder with one" + kProcess + "\n");
     EXPECT_EQ(printed(), "");
 }
 
@@ -391,11 +401,12 @@ TEST_F(SettingsTest, FaultsReachMessengersAndTheFile)
     EXPECT_EQ(texts, fault + fault);
     later.addMessenger(VK_NULL_HANDLE, info);
     EXPECT_EQ(texts, fault + fault);
-    EXPECT_EQ("vellum: " + fault.substr(7), testing::internal::GetCapturedStderr());
+    const std::string line = fault.substr(7, fault.size() - 8) + kProcess;
+    EXPECT_EQ("vellum: " + line + "\n", testing::internal::GetCapturedStderr());
     std::ifstream written(file);
-    std::string line;
-    std::getline(written, line);
-    EXPECT_EQ(line.substr(6), fault.substr(7, fault.size() - 8));
+    std::string found;
+    std::getline(written, found);
+    EXPECT_EQ(found, "error " + line);
 }
 
 // Whoever validates a program that has no messenger sees what is found.
@@ -419,7 +430,7 @@ TEST_F(SettingsTest, ValidationPrintsWithoutAMessenger)
         return testing::internal::GetCapturedStderr();
     };
     const std::string file = (folder_ / "messages").string();
-    const std::string found = "vellum: VELLUM-a: one\nvellum: VELLUM-b: two\n";
+    const std::string found = "vellum: VELLUM-a: one" + kProcess + "\nvellum: VELLUM-b: two" + kProcess + "\n";
     EXPECT_EQ(prints({}), "");
     EXPECT_EQ(prints({{"VELLUM_VALIDATE", "core"}}), found);
     EXPECT_EQ(prints({{"VELLUM_VALIDATE", "none"}}), "");

@@ -7,7 +7,6 @@
 #include <cstdlib>
 #include <fmt/format.h>
 #include <limits>
-#include <numeric>
 #include <sstream>
 
 #include "base/files.h"
@@ -38,23 +37,6 @@ CLI::Validator numberWhere(bool (*holds)(Number number, Number low, Number high)
             return number && holds(*number, low, high) ? std::string() : fmt::format("must be {}, got {}", rule, text);
         },
         "");
-}
-
-// Levenshtein's.
-size_t distance(const std::string &a, const std::string &b)
-{
-    std::vector<size_t> row(b.size() + 1);
-    std::iota(row.begin(), row.end(), size_t{0});
-    for (size_t i = 0; i < a.size(); ++i) {
-        size_t diagonal = row[0];
-        row[0] = i + 1;
-        for (size_t j = 0; j < b.size(); ++j) {
-            const size_t replaced = diagonal + (a[i] == b[j] ? 0u : 1u);
-            diagonal = row[j + 1];
-            row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
-        }
-    }
-    return row.back();
 }
 
 } // namespace
@@ -130,27 +112,6 @@ void addDeviceOption(CLI::App &command, gpu::DeviceSelection &device)
             "-d,--device", [&device](const std::string &text) { device = gpu::DeviceSelection(text); },
             "The Vulkan device: its number, as vellum info prints it, or a part of its name [the most powerful]")
         ->type_name("DEVICE");
-}
-
-std::string nearest(const std::string &word, const std::vector<std::string> &candidates)
-{
-    std::string best;
-    size_t least = word.size() / 2 + 1; // beyond that it is another word
-    for (const std::string &candidate : candidates) {
-        const bool begins = word.size() > 1 && candidate.starts_with(word);
-        const size_t away = begins ? 0 : distance(word, candidate);
-        if (away < least) {
-            least = away;
-            best = candidate;
-        }
-    }
-    return best;
-}
-
-std::string suggestion(const std::string &word, const std::vector<std::string> &candidates)
-{
-    const std::string best = nearest(word, candidates);
-    return best.empty() ? "" : "; did you mean " + best + "?";
 }
 
 namespace

@@ -12,6 +12,7 @@
 #include "bake/option_ranges.h"
 #include "cli/base/exit_code.h"
 #include "cli/options/cli11.h"
+#include "core/nearest.h"
 #include "gpu/device_selection.h"
 
 namespace vellum::cli
@@ -62,10 +63,5 @@ void addToleranceOptions(CLI::App &command, bool &exact, const std::array<double
 
 // Adds --device.
 void addDeviceOption(CLI::App &command, gpu::DeviceSelection &device);
-
-// The candidate that `word` was probably meant to be; empty if none is near.
-std::string nearest(const std::string &word, const std::vector<std::string> &candidates);
-// "; did you mean bake?"; empty if nothing is near.
-std::string suggestion(const std::string &word, const std::vector<std::string> &candidates);
 
 } // namespace vellum::cli

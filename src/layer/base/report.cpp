@@ -34,6 +34,12 @@ std::string publicId(std::string_view id)
     return id.starts_with("VUID") ? std::string("VELLUM") + "-" + std::string(id) : std::string(id);
 }
 
+// Several processes may write to one stderr and to one file: the line ends with whose it is.
+std::string lineOf(const std::string &id, const std::string &text)
+{
+    return id + ": " + text + " [" + processName() + "]";
+}
+
 // Messages are rare: the file is opened for each, and its readers may move or remove it at any time.
 void append(const std::string &file, std::string line)
 {
@@ -103,9 +109,10 @@ void Reporter::apply(const Settings &settings, const void *instanceChain)
     for (const std::string &text : settings.faults) {
         if (!isNewFault(text))
             continue;
-        std::fprintf(stderr, "vellum: %s: %s\n", id.c_str(), text.c_str());
+        const std::string line = lineOf(id, text);
+        std::fprintf(stderr, "vellum: %s\n", line.c_str());
         if (!file_.empty())
-            append(file_, "error " + id + ": " + text);
+            append(file_, "error " + line);
     }
     const auto find = [](const void *from) {
         return findInChain<VkDebugUtilsMessengerCreateInfoEXT>(from,
@@ -208,12 +215,14 @@ try {
         if (const auto it = names_.find(message.object); it != names_.end())
             objectName = it->second;
     }
-    if (levelOf(message.severity) <= (messengers.empty() ? levelAlone_ : level_))
-        std::fprintf(stderr, "vellum: %s: %s\n", message.id.c_str(), message.text.c_str());
+    const bool prints = levelOf(message.severity) <= (messengers.empty() ? levelAlone_ : level_);
+    const std::string line = prints || !file_.empty() ? lineOf(message.id, message.text) : std::string();
+    if (prints)
+        std::fprintf(stderr, "vellum: %s\n", line.c_str());
     for (const Messenger &m : messengers)
         call(m, {message.severity, message.id, message.text, message.type, message.object, objectName});
     if (!file_.empty())
-        append(file_, std::string(severityName(levelOf(message.severity))) + " " + message.id + ": " + message.text);
+        append(file_, std::string(severityName(levelOf(message.severity))) + " " + line);
     if (breakOnError_ && message.severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT)
         stopInDebugger();
 } catch (const std::bad_alloc &) {

@@ -15,6 +15,7 @@
 
 #include "core/utf8_path.h"
 #include "layer/base/pnext.h"
+#include "layer/base/setting_names.h"
 #include "layer/base/system.h"
 #include "vk/newer.h"
 
@@ -34,11 +35,6 @@ struct Row {
 #define VELLUM_ROW(key, member, type, initial, label, description) {#key, &Settings::member},
 constexpr Row kRows[] = {VELLUM_SETTINGS(VELLUM_ROW)};
 #undef VELLUM_ROW
-
-// Variables with the prefix of settings that are not settings: those of the tests, of the Python package, and of
-// `vellum run`.
-constexpr const char *kOtherVariables[] = {"TEST_",   "ORACLE_", "STRESS",  "LOWER_",
-                                           "FORCING", "LIBRARY", "FAIL_ON", "REQUIRE_CHECKS"};
 
 #define VELLUM_LEVEL(name, value, label, description) {#name, ReportLevel::value},
 constexpr std::pair<const char *, ReportLevel> kLevels[] = {
@@ -106,12 +102,6 @@ std::array<std::string, 3> variablePrefixes()
 {
     const std::string layer = kLayerName + std::strlen("VK_LAYER_");
     return {"VK_" + inCapitals(layer) + "_", std::string("VK_") + kVariablePrefix, kVariablePrefix};
-}
-
-bool isKnownVariable(const std::string &key)
-{
-    return std::ranges::any_of(kRows, [&](const Row &row) { return key == inCapitals(row.key); }) ||
-           std::ranges::any_of(kOtherVariables, [&](const char *other) { return key.starts_with(other); });
 }
 
 // Reads the sources one after the other.
@@ -206,7 +196,7 @@ private:
         const auto found = std::ranges::find_if(kRows, [&](const Row &row) { return given.key == row.key; });
         if (found != std::end(kRows))
             return &*found;
-        fault("there is no setting " + given.key + " (" + given.origin + ")");
+        fault("there is no setting " + given.key + " (" + given.origin + ")" + suggestion(given.key, settingKeys()));
         return nullptr;
     }
 
@@ -268,8 +258,9 @@ private:
         for (const std::string &name : environmentNames()) {
             const auto prefix =
                 std::ranges::find_if(prefixes, [&name](const std::string &p) { return name.starts_with(p); });
-            if (prefix != prefixes.end() && !isKnownVariable(name.substr(prefix->size())))
-                fault("there is no setting " + name);
+            const std::string problem = prefix != prefixes.end() ? problemOfVariable(name, *prefix) : std::string();
+            if (!problem.empty())
+                fault(problem);
         }
     }
 

@@ -16,6 +16,9 @@ namespace vellum::layer
 std::optional<std::string> environmentVariable(const std::string &name);
 std::vector<std::string> environmentNames();
 
+// The program and its process id, for messages of several processes in one place: "tests 1234".
+std::string processName();
+
 // The folder of this user for data that can be made again; empty if it is not known, and in programs that run with more
 // rights than their user has.
 std::string userCacheFolder();

@@ -46,6 +46,14 @@ std::vector<std::string> environmentNames()
     return names;
 }
 
+std::string processName()
+{
+    char path[4096];
+    const ssize_t length = readlink("/proc/self/exe", path, sizeof path);
+    const std::string_view program(path, length > 0 ? static_cast<size_t>(length) : 0);
+    return std::string(program.substr(program.rfind('/') + 1)) + " " + std::to_string(getpid());
+}
+
 // Follows the XDG Base Directory Specification.
 std::string userCacheFolder()
 {

@@ -82,6 +82,13 @@ std::vector<std::string> environmentNames()
     return names;
 }
 
+std::string processName()
+{
+    std::wstring path(32768, L'\0');
+    path.resize(GetModuleFileNameW(nullptr, path.data(), static_cast<DWORD>(path.size())));
+    return utf8(path.substr(path.rfind(L'\\') + 1)) + " " + std::to_string(GetCurrentProcessId());
+}
+
 std::string userCacheFolder()
 {
     const std::optional<std::string> folder = environmentVariable("LOCALAPPDATA");
