@@ -26,6 +26,8 @@ bool environmentIsIgnored();
 // The value of a variable of the environment.
 std::optional<std::string> variable(const char *name);
 void setVariable(const char *name, const std::string &value);
+// The names of all variables.
+std::vector<std::string> variableNames();
 // Separates the parts of a variable that is a list.
 #ifdef _WIN32
 inline constexpr char kListSeparator = ';';

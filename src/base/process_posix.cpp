@@ -54,6 +54,14 @@ void setVariable(const char *name, const std::string &value)
     setenv(name, value.c_str(), 1);
 }
 
+std::vector<std::string> variableNames()
+{
+    std::vector<std::string> names;
+    for (char **text = environ; text != nullptr && *text != nullptr; ++text)
+        names.emplace_back(*text, std::strcspn(*text, "="));
+    return names;
+}
+
 namespace
 {
 

@@ -116,6 +116,19 @@ void setVariable(const char *name, const std::string &value)
     _wputenv_s(wide(name).c_str(), wide(value).c_str());
 }
 
+std::vector<std::string> variableNames()
+{
+    std::vector<std::string> names;
+    wchar_t *const block = GetEnvironmentStringsW();
+    for (const wchar_t *text = block; text != nullptr && *text != L'\0';) {
+        const std::wstring_view both = text;
+        names.push_back(utf8(both.substr(0, both.find(L'=', 1)))); // names of Windows' own begin with =
+        text += both.size() + 1;
+    }
+    FreeEnvironmentStringsW(block);
+    return names;
+}
+
 namespace
 {
 

@@ -6,6 +6,7 @@
 #include <cstdlib>
 
 #include "base/error.h"
+#include "base/process.h"
 #include "base/version.h"
 #include "cli/base/exit_code.h"
 #include "cli/options/cli11.h"
@@ -102,6 +103,18 @@ void rejectVariablesPassedOver(const CLI::App &command)
     }
 }
 
+void warnOfMisspeltVariables(const CLI::App &command)
+{
+    constexpr size_t kMostEdits = 2;
+    for (const CLI::Option *option : command.get_options()) {
+        const std::string wanted = option->get_envname();
+        for (const std::string &name : wanted.empty() ? std::vector<std::string>() : variableNames())
+            if (name != wanted && editDistance(name, wanted) <= kMostEdits)
+                std::fprintf(stderr, "vellum: warning: nothing reads %s; did you mean %s?\n", name.c_str(),
+                             wanted.c_str());
+    }
+}
+
 std::string versionAndLimits()
 {
     std::string text = "vellum " + versionText();
@@ -163,6 +176,8 @@ int runCommandLine(const std::vector<std::string> &words)
     }
     const CLI::App &command = *app.get_subcommands().front();
     rejectVariablesPassedOver(command);
+    if (command.get_name() != "run") // which rejects them
+        warnOfMisspeltVariables(command);
     return commands.at(command.get_name())();
 }
 

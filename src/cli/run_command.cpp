@@ -16,6 +16,7 @@
 #include "base/text.h"
 #include "cli/base/exit_code.h"
 #include "cli/base/files.h"
+#include "cli/base/variables.h"
 #include "cli/info/manifests.h"
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
@@ -339,6 +340,9 @@ std::function<int()> declareRunCommand(CLI::App &app, const std::vector<std::str
     return [options, words] {
         if (options->junit)
             checkSuffix(*options->junit, {".xml"});
+        // The program may never load the layer, which would report them.
+        if (const std::vector<std::string> problems = problemsOfVariables(); !problems.empty())
+            throw UsageError(problems.front());
         return run(*options, words);
     };
 }

@@ -70,6 +70,16 @@ TEST(CommandLine, HelpIsAsWideAsTheTerminal)
         }
 }
 
+TEST(CommandLine, MisspeltVariablesOfOptionsAreReported)
+{
+    const TemporaryFolder folder;
+    const Outcome outcome = runVellum({"bake", (folder / "none.glb").string(), (folder / "out.glb").string()},
+                                      {{"VELLUM_CAHCE", "x"}, {"VELLUM_OTHER", "x"}});
+    EXPECT_TRUE(outcome.errors.starts_with("vellum: warning: nothing reads VELLUM_CAHCE; did you mean VELLUM_CACHE?\n"))
+        << outcome.errors;
+    EXPECT_EQ(outcome.errorLines(), 2) << outcome.errors;
+}
+
 TEST(CommandLine, AllExitCodesAreInTheHelp)
 {
     const std::string overview = runVellum({"help"}).output;

@@ -34,12 +34,13 @@ PARTS = {
     "inspect": ("core", "base", "bake", "gltf"),
     "check": ("vk", "gpu"),
     "cli": ("core", "base", "bake", "gltf", "verify", "spirv", "vk", "gpu", "render", "inspect", "job",
-            "check"),
+            "check", "layer"),
 }
 # Parts that may use some files of another only. Verification shares no code with what it verifies.
 ONLY = {
     ("verify", "bake"): ("texture/texture.h",),
     ("library", "spirv"): ("module/micromap_mode.h",),
+    ("cli", "layer"): ("base/setting_names.h",),
 }
 # Parts with subsystems: each subsystem and those that it may include. "" is the folder of the part itself.
 def below(*subsystems):
