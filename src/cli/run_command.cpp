@@ -35,10 +35,11 @@ layer reported, with the first message of each kind. What the program does with 
 the summary is on stderr. Options come before the program, separated by --.
 
 Messages: an error is input that the layer rejected, a warning one that it tolerated, or that probably has no effect.
-Without --require-checks, a program that uses no micromaps passes: nothing is checked then, which the summary states.
 
---junit writes a test case for the program, one for whether a device used micromaps through the layer, and one for each kind
-of message. Those that do not fail the run are passed, with the message as output.
+A device counts as checked once the program builds a micromap or an acceleration structure on it with --validate. Without
+--require-checks, a program passes in which nothing was checked, which the summary states.
+
+--junit writes a test case for the program, one for whether anything was checked, and one for each kind of message. Those that do not fail the run are passed, with the message as output.
 
 Examples:
   vellum run -- ./viewer scene.glb
@@ -79,6 +80,7 @@ struct MessageSummary {
     size_t errors = 0;
     size_t warnings = 0;
     size_t devices = 0; // devices with micromaps of the layer, or with its validation
+    size_t checked = 0; // those on which builds were validated
 };
 
 struct Message {
@@ -119,6 +121,7 @@ MessageSummary readMessages(std::istream &lines)
             continue;
         if (message->severity == MessageSeverity::Info) {
             summary.devices += message->id == "VELLUM-device" ? 1u : 0u;
+            summary.checked += message->id == "VELLUM-checked" ? 1u : 0u;
             continue;
         }
         ++(message->severity == MessageSeverity::Error ? summary.errors : summary.warnings);
@@ -138,13 +141,23 @@ std::string times(const MessageSummary::Kind &kind)
     return kind.count == 1 ? "" : fmt::format(" ({} times)", kind.count);
 }
 
+// Why nothing was checked; empty if something was.
+std::string whyUnchecked(const MessageSummary &summary)
+{
+    if (summary.checked != 0)
+        return "";
+    return summary.devices == 0
+               ? "no device used micromaps through the layer"
+               : "no micromap or acceleration structure was built on a device with validation (--validate)";
+}
+
 // Prints to stderr.
 void print(const MessageSummary &summary)
 {
-    if (summary.devices == 0)
-        fmt::print(stderr, "vellum run: no device used micromaps through the layer: nothing was checked\n");
+    if (const std::string why = whyUnchecked(summary); !why.empty())
+        fmt::print(stderr, "vellum run: nothing was checked: {}\n", why);
     fmt::print(stderr, "vellum run: {}, {}, {} checked\n", countOf(summary.errors, "error"),
-               countOf(summary.warnings, "warning"), countOf(summary.devices, "device"));
+               countOf(summary.warnings, "warning"), countOf(summary.checked, "device"));
     for (const MessageSummary::Kind &kind : summary.kinds)
         fmt::print(stderr, "  {:<7} {}{}: {}\n", kind.severity == MessageSeverity::Error ? "error" : "warning", kind.id,
                    times(kind), kind.text);
@@ -220,7 +233,7 @@ std::string failureOf(const MessageSummary &summary, const RunOptions &options)
 {
     if (std::ranges::any_of(summary.kinds, [&](const MessageSummary::Kind &kind) { return fails(kind, options); }))
         return "because of messages of the layer (--fail-on " + options.failOn + ")";
-    return options.requireChecks && summary.devices == 0 ? "because nothing was checked (--require-checks)" : "";
+    return options.requireChecks && summary.checked == 0 ? "because nothing was checked (--require-checks)" : "";
 }
 
 // JUnit's format: a test case for the program, one for its devices, and one for each kind of message.
@@ -239,8 +252,8 @@ std::string junitXml(const std::string &program, int code, double seconds, const
             cases += text.empty() ? "/>\n" : fmt::format("><system-out>{}</system-out></testcase>\n", shown);
     };
     add("program", code != 0, code != 0 ? fmt::format("exit code {}", code) : "");
-    const bool unchecked = summary.devices == 0;
-    add("checks", unchecked && options.requireChecks, unchecked ? "no device used micromaps through the layer" : "");
+    const std::string unchecked = whyUnchecked(summary);
+    add("checks", !unchecked.empty() && options.requireChecks, unchecked);
     for (const MessageSummary::Kind &kind : summary.kinds)
         add(kind.id, fails(kind, options), kind.text + times(kind));
     return fmt::format("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites name=\"vellum run\">\n"
@@ -314,7 +327,7 @@ std::function<int()> declareRunCommand(CLI::App &app, const std::vector<std::str
     failOn.envname("VELLUM_FAIL_ON")->group(kOutput);
     command
         .add_flag("--require-checks", options->requireChecks,
-                  "Fail if nothing was checked: no device of the program used micromaps through the layer")
+                  "Fail if nothing was checked: the program built nothing on a device with micromaps and validation")
         ->envname("VELLUM_REQUIRE_CHECKS")
         ->group(kOutput);
     command.add_option("--junit", options->junit, "Write what was found here, in JUnit's format")

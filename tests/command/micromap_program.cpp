@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // A program for `vellum run`. It uses micromaps as its arguments say, in their order.
 //   right    creates a device and queries the sizes of a micromap
+//   build    records the build of an acceleration structure without geometry
 //   error    queries the sizes of a micromap of a type that does not exist, which the layer rejects
 //   warning  allocates memory with flags that the layer tolerates
 //   both     does the last two in two other processes
 //   crash    writes to address 0
 //   words, variables: prints all arguments after this one, or the environment variables that they name
+#include <bit>
 #include <cstdio>
 #include <cstdlib>
 #include <string>
@@ -70,8 +72,72 @@ public:
         check(vkAllocateMemory(device_, &info, nullptr, &memory) == VK_SUCCESS, "no memory");
         vkFreeMemory(device_, memory, nullptr);
     }
+    void recordBuild() const
+    {
+        VkAccelerationStructureBuildGeometryInfoKHR build{
+            VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR};
+        build.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+        VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
+        function<PFN_vkGetAccelerationStructureBuildSizesKHR>("vkGetAccelerationStructureBuildSizesKHR")(
+            device_, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &build, nullptr, &sizes);
+        constexpr VkDeviceSize kHalf = 1 << 16; // of the buffer: the structure, and scratch memory
+        check(sizes.accelerationStructureSize <= kHalf && sizes.buildScratchSize <= kHalf, "too large");
+        VkBufferCreateInfo buffers{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO};
+        buffers.size = 2 * kHalf;
+        buffers.usage = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT |
+                        VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+        VkBuffer buffer = VK_NULL_HANDLE;
+        check(vkCreateBuffer(device_, &buffers, nullptr, &buffer) == VK_SUCCESS, "no buffer");
+        VkMemoryRequirements needs{};
+        vkGetBufferMemoryRequirements(device_, buffer, &needs);
+        VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO};
+        flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
+        const auto type = static_cast<uint32_t>(std::countr_zero(needs.memoryTypeBits));
+        const VkMemoryAllocateInfo info{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, needs.size, type};
+        VkDeviceMemory memory = VK_NULL_HANDLE;
+        check(vkAllocateMemory(device_, &info, nullptr, &memory) == VK_SUCCESS, "no memory");
+        check(vkBindBufferMemory(device_, buffer, memory, 0) == VK_SUCCESS, "no memory of the buffer");
+        VkAccelerationStructureCreateInfoKHR structures{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
+        structures.buffer = buffer;
+        structures.size = sizes.accelerationStructureSize;
+        structures.type = build.type;
+        check(function<PFN_vkCreateAccelerationStructureKHR>("vkCreateAccelerationStructureKHR")(
+                  device_, &structures, nullptr, &build.dstAccelerationStructure) == VK_SUCCESS,
+              "no structure");
+        const VkBufferDeviceAddressInfo address{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer};
+        build.scratchData.deviceAddress = vkGetBufferDeviceAddress(device_, &address) + kHalf;
+        record(build);
+        function<PFN_vkDestroyAccelerationStructureKHR>("vkDestroyAccelerationStructureKHR")(
+            device_, build.dstAccelerationStructure, nullptr);
+        vkDestroyBuffer(device_, buffer, nullptr);
+        vkFreeMemory(device_, memory, nullptr);
+    }
 
 private:
+    template <typename Function>
+    [[nodiscard]] Function function(const char *name) const
+    {
+        const auto found = reinterpret_cast<Function>(vkGetDeviceProcAddr(device_, name));
+        check(found != nullptr, name);
+        return found;
+    }
+    void record(const VkAccelerationStructureBuildGeometryInfoKHR &build) const
+    {
+        const VkCommandPoolCreateInfo pools{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, 0};
+        VkCommandPool pool = VK_NULL_HANDLE;
+        check(vkCreateCommandPool(device_, &pools, nullptr, &pool) == VK_SUCCESS, "no command pool");
+        const VkCommandBufferAllocateInfo one{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr, pool,
+                                              VK_COMMAND_BUFFER_LEVEL_PRIMARY, 1};
+        VkCommandBuffer commands = VK_NULL_HANDLE;
+        check(vkAllocateCommandBuffers(device_, &one, &commands) == VK_SUCCESS, "no command buffer");
+        const VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
+        check(vkBeginCommandBuffer(commands, &begin) == VK_SUCCESS, "no recording");
+        const VkAccelerationStructureBuildRangeInfoKHR *ranges = nullptr;
+        function<PFN_vkCmdBuildAccelerationStructuresKHR>("vkCmdBuildAccelerationStructuresKHR")(commands, 1, &build,
+                                                                                                 &ranges);
+        check(vkEndCommandBuffer(commands) == VK_SUCCESS, "not recorded");
+        vkDestroyCommandPool(device_, pool, nullptr);
+    }
     void createDevice(VkPhysicalDevice physicalDevice)
     {
         const float priority = 1;
@@ -114,6 +180,8 @@ void run(const std::string &what)
 {
     if (what == "right")
         check(Device().sizes(VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT).micromapSize != 0, "no size");
+    else if (what == "build")
+        Device().recordBuild();
     else if (what == "error")
         check(Device().sizes(static_cast<VkMicromapTypeEXT>(77)).micromapSize == 0, "a size");
     else if (what == "warning")

@@ -2,6 +2,9 @@
 // `vellum run`: the environment of the program, exit codes, and the counting of messages.
 #include <fstream>
 #include <gtest/gtest.h>
+#include <regex>
+#include <set>
+#include <sstream>
 
 #include "command.h"
 #include "glb_file.h"
@@ -43,6 +46,10 @@ Outcome runScript(std::vector<std::string> options, const std::string &script,
 constexpr const char *kError = "echo error VELLUM-a: what >> $VELLUM_REPORT_FILE;";
 constexpr const char *kWarning = "echo warning VELLUM-b: where >> $VELLUM_REPORT_FILE;";
 
+constexpr const char *kNothingBuilt =
+    "vellum run: nothing was checked: no micromap or acceleration structure was built on a device with validation "
+    "(--validate)\n";
+
 void expectLine(const Outcome &outcome, const std::string &line)
 {
     EXPECT_NE(("\n" + outcome.errors).find("\n" + line), std::string::npos) << line << "\nnot in\n" << outcome.errors;
@@ -52,16 +59,27 @@ void expectLine(const Outcome &outcome, const std::string &line)
 
 TEST(Run, RightUse)
 {
-    const Outcome outcome = runProgram({"--fail-on", "warning"}, {"right"});
+    const Outcome outcome = runProgram({"--fail-on", "warning", "--validate"}, {"build"});
     EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
     EXPECT_EQ(outcome.errors, "vellum run: no errors, no warnings, 1 device checked\n");
+    EXPECT_EQ(runProgram({"--validate"}, {"build", "right", "build"}).errors,
+              "vellum run: no errors, no warnings, 2 devices checked\n");
+}
+
+// Without validation the layer reports only what it has to reject or tolerate.
+TEST(Run, NothingIsCheckedWithoutValidationOrBuilds)
+{
+    for (const Outcome &outcome :
+         {runProgram({}, {"build"}), runProgram({"--validate"}, {"right"}), runProgram({"--validate=none"}, {"build"})})
+        EXPECT_EQ(outcome.errors,
+                  std::string(kNothingBuilt) + "vellum run: no errors, no warnings, no devices checked\n");
 }
 
 TEST(Run, AnErrorFails)
 {
-    const Outcome outcome = runProgram({}, {"error", "right", "error"});
+    const Outcome outcome = runProgram({"--validate"}, {"error", "build", "error"});
     EXPECT_EQ(outcome.exitCode, kMessagesFailed);
-    expectLine(outcome, "vellum run: 2 errors, no warnings, 3 devices checked\n");
+    expectLine(outcome, "vellum run: 2 errors, no warnings, 1 device checked\n");
     expectLine(outcome, "  error   VELLUM-VUID-VkMicromapBuildInfoEXT-type-parameter (2 times): ");
     EXPECT_EQ(runProgram({"--fail-on=never"}, {"error"}).exitCode, 0);
 }
@@ -70,7 +88,7 @@ TEST(Run, AWarningFailsOnRequest)
 {
     const Outcome outcome = runProgram({}, {"warning"});
     EXPECT_EQ(outcome.exitCode, 0);
-    expectLine(outcome, "vellum run: no errors, 1 warning, 1 device checked\n");
+    expectLine(outcome, "vellum run: no errors, 1 warning, no devices checked\n");
     expectLine(outcome, "  warning VELLUM-unknown-structure: ");
     EXPECT_EQ(runProgram({"--fail-on=warning"}, {"warning"}).exitCode, kMessagesFailed);
     EXPECT_EQ(runProgram({}, {"warning"}, {{"VELLUM_FAIL_ON", "warning"}}).exitCode, kMessagesFailed);
@@ -80,7 +98,7 @@ TEST(Run, ProcessesOfTheProgram)
 {
     const Outcome outcome = runProgram({}, {"both"});
     EXPECT_EQ(outcome.exitCode, kMessagesFailed);
-    expectLine(outcome, "vellum run: 1 error, 1 warning, 2 devices checked\n");
+    expectLine(outcome, "vellum run: 1 error, 1 warning, no devices checked\n");
 }
 
 TEST(Run, ACrashKeepsItsCodeAndTheMessages)
@@ -107,7 +125,7 @@ TEST(Run, SaysWhenNothingWasChecked)
 {
     const Outcome outcome = runScript({}, "true");
     EXPECT_EQ(outcome.exitCode, 0);
-    expectLine(outcome, "vellum run: no device used micromaps through the layer: nothing was checked\n");
+    expectLine(outcome, "vellum run: nothing was checked: no device used micromaps through the layer\n");
 }
 
 TEST(Run, ChecksThatAreRequired)
@@ -119,8 +137,14 @@ TEST(Run, ChecksThatAreRequired)
     EXPECT_EQ(runScript({"--require-checks", "--fail-on", "never"}, "true").exitCode, kMessagesFailed);
     EXPECT_EQ(runScript({}, "true", {{"VELLUM_REQUIRE_CHECKS", "1"}}).exitCode, kMessagesFailed);
     EXPECT_EQ(runScript(required, "exit 3").exitCode, 3);
-    EXPECT_EQ(runProgram(required, {"right"}).exitCode, 0);
-    EXPECT_EQ(runProgram({}, {"right"}, {{"VELLUM_REQUIRE_CHECKS", "1"}}).errors,
+    for (const std::vector<std::string> &options :
+         {std::vector<std::string>{"--require-checks"}, {"--require-checks", "--validate"}}) {
+        const Outcome unbuilt = runProgram(options, {options.size() == 1 ? "build" : "right"});
+        EXPECT_EQ(unbuilt.exitCode, kMessagesFailed);
+        expectLine(unbuilt, kNothingBuilt);
+    }
+    EXPECT_EQ(runProgram({"--require-checks", "--validate"}, {"build"}).exitCode, 0);
+    EXPECT_EQ(runProgram({"--validate"}, {"build"}, {{"VELLUM_REQUIRE_CHECKS", "1"}}).errors,
               "vellum run: no errors, no warnings, 1 device checked\n");
 }
 
@@ -176,13 +200,40 @@ TEST(Run, PartsOfValidationAreChecked)
 
 TEST(Run, SettingsThatAreIgnoredFail)
 {
-    const std::pair<std::string, std::string> wrong[] = {
-        {"VELLUM_VALIDATE", "al"}, {"VK_VELLUM_STRICT", "maybe"}, {"VELLUM_VALIDTE", "all"}};
+    const std::pair<std::string, std::string> wrong[] = {{"VELLUM_VALIDATE", "al"}, {"VK_VELLUM_STRICT", "maybe"}};
     for (const auto &variable : wrong) {
         const Outcome outcome = runProgram({}, {"right"}, {variable});
         EXPECT_EQ(outcome.exitCode, kMessagesFailed) << outcome.errors;
         expectLine(outcome, "  error   VELLUM-setting: ");
     }
+}
+
+// Also for a program that never loads the layer.
+TEST(Run, MisspeltVariablesAreErrors)
+{
+    for (const auto &[name, meant] : {std::pair<std::string, std::string>{"VELLUM_VALIDATTE", "VELLUM_VALIDATE"},
+                                      {"VK_VELLUM_STRICKT", "VK_VELLUM_STRICT"},
+                                      {"VELLUM_REQUIRE_CHECK", "VELLUM_REQUIRE_CHECKS"}}) {
+        const Outcome outcome = runScript({}, "echo run", {{name, "1"}});
+        EXPECT_EQ(outcome.exitCode, 2);
+        EXPECT_EQ(outcome.output, "");
+        EXPECT_EQ(outcome.errors, "vellum: there is no setting " + name + "; did you mean " + meant + "?\n");
+    }
+    EXPECT_EQ(runScript({}, "echo run", {{"VELLUM_CACHE", "folder"}}).output, "run\n");
+}
+
+// Where several processes write, each message ends with its own.
+TEST(Run, MessagesNameTheProcess)
+{
+    const std::string errors = runProgram({}, {"both"}).errors;
+    static const std::regex kMessage(R"(  (error|warning) .* \[(vellum_micromap_program\S*) (\d+)\])");
+    std::set<std::string> processes;
+    std::istringstream lines(errors);
+    std::smatch match;
+    for (std::string line; std::getline(lines, line);)
+        if (std::regex_match(line, match, kMessage))
+            processes.insert(match[3]);
+    EXPECT_EQ(processes.size(), 2U) << errors;
 }
 
 TEST(Run, ExitCodesOfTheProgram)

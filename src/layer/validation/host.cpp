@@ -43,6 +43,7 @@ VkResult buildAccelerationStructures(DeviceValidation &device, VkDevice handle, 
                                      const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
 {
     input::Builds builds = input::parse(count, infos, ranges);
+    noteChecked(device, builds);
     rules::checkHostBuilds(device.state.rules, Place("vkBuildAccelerationStructuresKHR"), builds);
     const std::vector<Structure> attached = micromapsOf(device, builds);
     const input::Checked checked(infos, builds);

@@ -43,6 +43,7 @@ struct DeviceModel {
     ValidatedObjects objects{};
     CommandLogs logs{commands.states};
     std::atomic<uint64_t> numbers{0}; // of structures
+    std::atomic<bool> hasCheckedBuild{false};
 
     // Reports the violation of a rule. `vuid`: as the specification names it; for a rule without one, an
     // id of Vellum. `text`: what was found, what is expected.

@@ -513,8 +513,16 @@ const char *nameOf(BuildCommand command)
 
 } // namespace
 
+void noteChecked(DeviceModel &device, const input::Builds &builds)
+{
+    if ((!builds.micromaps.empty() || !builds.structures.empty()) && !device.hasCheckedBuild &&
+        !device.hasCheckedBuild.exchange(true))
+        device.driver.report().info("VELLUM-checked", "builds on this device are checked");
+}
+
 void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildCommand command, input::Builds &builds)
 {
+    noteChecked(device, builds);
     const Place place(nameOf(command));
     rules::checkBuilds(device.state.rules, place, builds,
                        [&device](ObjectHandle handle) { return device.factsOf(handle); });

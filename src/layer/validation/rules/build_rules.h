@@ -11,6 +11,10 @@ namespace vellum::layer
 
 enum class BuildCommand { Micromaps, HostMicromaps, Structures, IndirectStructures };
 
+// Reports VELLUM-checked with the first build of the device: `vellum run` counts devices on which something was
+// checked.
+void noteChecked(DeviceModel &device, const input::Builds &builds);
+
 // Checks all rules of a command that builds. `commandBuffer`: null for vkBuildMicromapsEXT.
 void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildCommand command, input::Builds &builds);
 
