@@ -120,12 +120,22 @@ VkResult DriverPipelineInfo::changeGroups(VkGraphicsPipelineCreateInfo &info)
     if (!application)
         return VK_SUCCESS;
     groups_.assign(application->pGroups, application->pGroups + application->groupCount);
-    for (VkGraphicsShaderGroupCreateInfoNV &group : groups_)
+    bool changed = false;
+    for (VkGraphicsShaderGroupCreateInfoNV &group : groups_) {
+        const VkPipelineShaderStageCreateInfo *stages = group.pStages;
         if (!stages_.rewrite(group.pStages, group.stageCount))
             return VK_ERROR_INVALID_SHADER_NV;
+        changed = changed || group.pStages != stages;
+    }
+    if (!changed)
+        return VK_SUCCESS;
     Chain &chain = chains_.emplace_back(info.pNext);
-    if (auto *own = chain.edit<VkGraphicsPipelineShaderGroupsCreateInfoNV>(type))
-        own->pGroups = groups_.data(); // modules behind a structure of unknown size stay as they are
+    auto *own = chain.edit<VkGraphicsPipelineShaderGroupsCreateInfoNV>(type);
+    if (!own) {
+        device_.driver.report().error("VELLUM-shader-rewrite", "shader groups are behind a structure of unknown size");
+        return VK_ERROR_INVALID_SHADER_NV;
+    }
+    own->pGroups = groups_.data();
     info.pNext = chain.head();
     return VK_SUCCESS;
 }

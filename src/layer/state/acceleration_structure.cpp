@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "core/records.h"
-#include "layer/base/undo.h"
 #include "layer/rules/ids.h"
 #include "layer/state/device_state.h"
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <string>
+#include <utility>
 
 #include "core/records.h"
 #include "layer/micromaps/micromap_copy.h"

@@ -60,7 +60,7 @@ void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuff
     VkDeviceSize stagingBytes = exact == source.handle ? source.size : lastBytes(source);
     // The size of a GENERIC structure states nothing. The data of the driver is a part of that of the layer, for which
     // there must be memory at `target`.
-    if (!fallback.wholeCopies)
+    if (source.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR && !fallback.wholeCopies)
         stagingBytes = std::min(stagingBytes, device.buffers.addresses.bytesFrom(target));
     stagingBytes += kDriverOverhead;
     state.scratch.restart();
@@ -144,55 +144,34 @@ struct Restore {
                reject(rules::ids::kDeserializedSize, "dst is smaller than any deserialized structure");
     }
 
-    using Header = std::array<uint32_t, kSerializedHeaderWords>;
-    // The header of the data, if the host can read it, and the data has already been written.
-    [[nodiscard]] std::optional<Header> header() const
+    // The number of instances in the header of the data, if the host can read it, and the data has already been
+    // written. A build for more instances would use more of a GENERIC structure's memory than the header states.
+    [[nodiscard]] std::optional<uint32_t> instancesInHeader() const
     {
         constexpr VkDeviceSize kBytes = kSerializedHeaderWords * 4;
         const AddressMap::Location location = device.buffers.addresses.find(data);
         if (!location.buffer || location.bytes < kBytes)
             return std::nullopt;
-        Header words;
+        std::array<uint32_t, kSerializedHeaderWords> words;
         if (!device.buffers.host.peek(location.buffer, location.offset, words.data(), kBytes))
             return std::nullopt;
-        const SerializedMicromapHeader micromap = serializedHeader(device.driver.driverUuid, 0);
-        if (std::memcmp(words.data(), &micromap, 2 * VK_UUID_SIZE) == 0)
-            return words; // it has the same sizes
         const uint32_t *fallback = fallbackStructure(device).words;
         for (uint32_t w = 0; w < 2 * VK_UUID_SIZE / 4; ++w) {
             if (words[w] != (w < VK_UUID_SIZE / 4 ? fallback[w] : fallback[w] ^ kCompatibilityWord))
                 return std::nullopt;
         }
-        return words;
+        return words[10] % 256 == kTopLevelSizeMark ? words[12] : 0;
     }
 
-    // The sizes of the data and of the structure that it becomes, at most. The size of a GENERIC structure states
-    // nothing, so there it is what the header states.
-    struct Sizes {
-        VkDeviceSize data, structure;
-    };
-    [[nodiscard]] Sizes mostSizes() const
-    {
-        const auto words = target->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ? header() : std::nullopt;
-        if (!words)
-            return {readable(), target->size};
-        std::array<uint64_t, 2> stated;
-        std::memcpy(stated.data(), words->data() + 2 * VK_UUID_SIZE / 4, sizeof stated);
-        return {std::min(readable(), stated[0]), std::min(target->size, stated[1])};
-    }
-
-    // The maximum of instances: as many as the data can hold, and the structure's memory. A build for more instances
-    // than the header states would use more of a GENERIC structure's memory. Without the header, the memory of a
-    // GENERIC structure counts up to the next structure in the buffer, and the number is limited, so that structures
-    // that will never hold instances do not use up the slots.
+    // The maximum of instances: as many as the data can hold, and the structure's memory. The memory of a GENERIC
+    // structure counts up to the next structure in the buffer, and the number is limited, so that structures that will
+    // never hold instances do not use up the slots.
     [[nodiscard]] uint32_t mostInstances() const
     {
         constexpr uint32_t kMostUnseen = 4096;
         const bool generic = kind() == kDescriptorUnbuilt;
-        if (const auto words = generic ? header() : std::nullopt)
-            return (*words)[10] % 256 == kTopLevelSizeMark
-                       ? std::min(topLevelCapacity(device.driver, target->size), (*words)[12])
-                       : 0;
+        if (const auto known = generic ? instancesInHeader() : std::nullopt)
+            return std::min(topLevelCapacity(device.driver, target->size), *known);
         constexpr VkDeviceSize kLeast = sizeof(VkAccelerationStructureInstanceKHR) + sizeof(VkDeviceAddress);
         const VkDeviceSize inMemory = std::min<VkDeviceSize>(readable() / kLeast, UINT32_MAX);
         const VkDeviceSize capacity = generic ? capacityOf(device.objects, *target) : target->size;
@@ -200,8 +179,7 @@ struct Restore {
         return generic ? std::min(fits, kMostUnseen) : fits;
     }
 
-    [[nodiscard]] StructureRestorePush pushFor(VkDeviceAddress descriptor, VkDeviceSize stagingBytes,
-                                               VkDeviceSize structureBytes) const
+    [[nodiscard]] StructureRestorePush pushFor(VkDeviceAddress descriptor, VkDeviceSize stagingBytes) const
     {
         const FallbackFacts fallback = fallbackStructure(device);
         StructureRestorePush push{};
@@ -213,7 +191,7 @@ struct Restore {
         push.fallbackUnits = fallback.units;
         push.capacity = unitsOf(readable());
         push.stagingUnits = unitsOf(stagingBytes);
-        push.targetUnits = unitsOf(structureBytes);
+        push.targetUnits = unitsOf(target->size);
         push.kind = kind();
         return push;
     }
@@ -238,10 +216,9 @@ struct Restore {
         const bool top = kind() == kDescriptorTop;
         const uint32_t most = kind() == kDescriptorBottom ? 0 : mostInstances();
         const VkDeviceSize fallbackBytes = leastBytes();
-        const Sizes sizes = mostSizes();
         const VkDeviceSize stagingBytes = top ? 0
                                               : std::max(VkDeviceSize{fallbackStructure(device).units} * 16,
-                                                         std::min(sizes.data, sizes.structure + kDriverOverhead));
+                                                         std::min(readable(), target->size + kDriverOverhead));
         // Memory that the wrong one of the two paths overwrites.
         VkDeviceSize keptBytes = 0;
         bool topFits = false;
@@ -252,7 +229,7 @@ struct Restore {
         }
         if (state)
             state->scratch.restart();
-        StructureRestorePush push = pushFor(descriptor.address, stagingBytes, sizes.structure);
+        StructureRestorePush push = pushFor(descriptor.address, stagingBytes);
         push.staging = state && descriptor.address ? state->scratch.allocate(kPlanBytes + stagingBytes) : 0;
         push.kept = push.staging && keptBytes > 0 ? state->scratch.allocate(keptBytes) : 0;
         if (!push.staging || (keptBytes > 0 && !push.kept)) {

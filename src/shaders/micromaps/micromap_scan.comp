@@ -26,7 +26,7 @@ void main()
     // Not by steps with barriers between: a CPU driver takes four times as long to compile this with barriers in a loop.
     sum = 0u;
     for (uint i = 0u; i < me; ++i)
-        sum = min(sum + sums[i], limit);
+        sum += min(sums[i], limit - sum);
     for (uint b = first; b < last; ++b) {
         const uint own = table.w[b];
         table.w[b] = min(sum, push.capacityUnits);
