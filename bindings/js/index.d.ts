@@ -220,7 +220,7 @@ export interface GltfBakeResult {
   };
 }
 
-export type GltfSweepOptions = Omit<GltfBakeOptions, 'level' | 'format' | 'budget'>;
+export type GltfSweepOptions = Omit<GltfBakeOptions, 'level' | 'format' | 'budget' | 'targetKnown'>;
 
 /** A setting, and what a bake with it would be. */
 export interface SweepRow {

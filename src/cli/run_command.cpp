@@ -39,7 +39,8 @@ Messages: an error is input that the layer rejected, a warning one that it toler
 A device counts as checked once the program builds a micromap or an acceleration structure on it with --validate. Without
 --require-checks, a program passes in which nothing was checked, which the summary states.
 
---junit writes a test case for the program, one for whether anything was checked, and one for each kind of message. Those that do not fail the run are passed, with the message as output.
+--junit writes a test case for the program, one for whether anything was checked, and one for each kind of message. Those
+that do not fail the run are passed, with the message as output.
 
 Examples:
   vellum run -- ./viewer scene.glb
@@ -354,7 +355,7 @@ std::function<int()> declareRunCommand(CLI::App &app, const std::vector<std::str
         if (options->junit)
             checkSuffix(*options->junit, {".xml"});
         // The program may never load the layer, which would report them.
-        if (const std::vector<std::string> problems = problemsOfVariables(); !problems.empty())
+        if (const std::vector<std::string> problems = misspeltVariables(); !problems.empty())
             throw UsageError(problems.front());
         return run(*options, words);
     };

@@ -107,6 +107,7 @@ TEST(CommandLine, EveryHelpHasTheExitCodesOfItsSubcommand)
     };
     std::istringstream lines(runVellum({"help"}).output);
     std::string line;
+    size_t seen = 0;
     while (std::getline(lines, line) && line != "Subcommands:") {
     }
     while (std::getline(lines, line) && line.starts_with("  ")) {
@@ -123,7 +124,9 @@ TEST(CommandLine, EveryHelpHasTheExitCodesOfItsSubcommand)
                 found.push_back(match[1]);
         ASSERT_TRUE(codes.contains(subcommand)) << subcommand;
         EXPECT_EQ(found, codes.at(subcommand)) << help;
+        ++seen;
     }
+    EXPECT_EQ(seen, codes.size());
     EXPECT_TRUE(has(runVellum({"help", "bake"}).output, "\n  7  --require-micromaps: no micromaps\n"));
 }
 

@@ -208,7 +208,7 @@ TEST_F(GltfReport, SharesOfTheSurfaceIncludeSkippedPrimitives)
     EXPECT_TRUE(has(run({"inspect", in("card.omm.glb"), "-o", in("a.html")}).output, text)) << text;
 }
 
-// They leave nothing unknown, which is no merit: a part of it is a guess.
+// They leave nothing unknown, and a part of that is a guess.
 TEST_F(GltfReport, TwoStatesAreNotSaidToBeKnown)
 {
     write("card.glb", {});

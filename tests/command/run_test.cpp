@@ -219,7 +219,9 @@ TEST(Run, MisspeltVariablesAreErrors)
         EXPECT_EQ(outcome.output, "");
         EXPECT_EQ(outcome.errors, "vellum: there is no setting " + name + "; did you mean " + meant + "?\n");
     }
-    EXPECT_EQ(runScript({}, "echo run", {{"VELLUM_CACHE", "folder"}}).output, "run\n");
+    // Settings, and variables of other programs.
+    for (const char *name : {"VELLUM_CACHE", "VELLUM_VERSION", "VELLUM_ROOT", "VK_VELLUM_REQUIRE_CHECK"})
+        EXPECT_EQ(runScript({}, "echo run", {{name, "1"}}).output, "run\n") << name;
 }
 
 // Where several processes write, each message ends with its own.

@@ -53,7 +53,7 @@ TEST(JsonTree, FindsEscapedNamesAndTheLastOfSeveral)
     EXPECT_FALSE(tree.root()["x"].string().has_value());
 }
 
-// Objects with many members are looked up by another way.
+// Objects with many members have a sorted index.
 TEST(JsonTree, LargeObjectsAreAsSmallOnes)
 {
     std::string text = R"({"\u0061b": 1, "x": {"ab": 4}, "ab": 3)";

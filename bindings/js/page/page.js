@@ -377,7 +377,8 @@ function startPage() {
       const { bytes, report } = await worker.bakeGltf(model.bytes, { ...files(), ...settings, ...callbacks });
       at('made').textContent =
         `${plural(report.primitiveCount, 'primitive')} of ${model.name} got micromaps of ${count(report.micromapSize)} bytes, ` +
-        `which know ${percent(chosen.known)} of the alpha-tested surface. ` +
+        `which know ${percent(chosen.proven)} of the alpha-tested surface` +
+        (chosen.states === 2 ? `, and approximate ${percent(chosen.known - chosen.proven)}. ` : '. ') +
         `The file has ${size(report.outputSize)}, and had ${size(report.inputSize)}.` +
         (suffixOf(name) === '.gltf' && Object.keys(model.files).length ? ' Put it beside the files that it names.' : '');
       const type = suffixOf(name) === '.gltf' ? 'model/gltf+json' : 'model/gltf-binary';

@@ -7,13 +7,18 @@
 namespace vellum::cli
 {
 
-std::vector<std::string> problemsOfVariables()
+std::vector<std::string> misspeltVariables()
 {
+    constexpr size_t kMostEdits = 2;
     std::vector<std::string> problems;
     for (const std::string &name : variableNames())
-        for (const char *prefix : {"VK_VELLUM_OPACITY_MICROMAP_", "VK_VELLUM_", "VELLUM_"})
+        for (const std::string_view prefix : {"VK_VELLUM_OPACITY_MICROMAP_", "VK_VELLUM_", "VELLUM_"})
             if (name.starts_with(prefix)) {
-                if (std::string problem = layer::problemOfVariable(name, prefix); !problem.empty())
+                const auto isNear = [key = std::string_view(name).substr(prefix.size())](const std::string &known) {
+                    return editDistance(key, known) <= kMostEdits;
+                };
+                std::string problem = layer::problemOfVariable(name, prefix);
+                if (!problem.empty() && std::ranges::any_of(layer::variableKeys(prefix), isNear))
                     problems.push_back(std::move(problem));
                 break;
             }

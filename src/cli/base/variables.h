@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Variables of the environment that look like settings.
+// Variables of the environment that were meant to be settings.
 #pragma once
 
 #include <string>
@@ -8,7 +8,8 @@
 namespace vellum::cli
 {
 
-// Why nothing reads some of the variables: "there is no setting VELLUM_VALIDTE; did you mean VELLUM_VALIDATE?".
-std::vector<std::string> problemsOfVariables();
+// "there is no setting VELLUM_VALIDTE; did you mean VELLUM_VALIDATE?" for each whose name is nearly that of a setting.
+// Others with the prefix of settings may be another program's.
+std::vector<std::string> misspeltVariables();
 
 } // namespace vellum::cli

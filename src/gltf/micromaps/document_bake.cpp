@@ -290,11 +290,9 @@ std::span<const int32_t> DocumentBaker::takeResult(Source &source, const Microma
     used.erase(std::unique(used.begin(), used.end()), used.end());
     used.erase(used.begin(), std::lower_bound(used.begin(), used.end(), 0));
     StoredMicromap stored;
-    std::vector<int32_t> numbers(micromap.triangles.size());
     for (const int32_t index : used) {
         MicromapTriangle triangle = micromap.triangles[static_cast<size_t>(index)];
         const auto begin = micromap.data.begin() + static_cast<ptrdiff_t>(triangle.dataOffset);
-        numbers[static_cast<size_t>(index)] = static_cast<int32_t>(stored.triangles.size());
         triangle.dataOffset = static_cast<uint32_t>(stored.data.size());
         const auto bytes = static_cast<ptrdiff_t>(packedBytes(triangle.subdivisionLevel, triangle.format));
         stored.data.insert(stored.data.end(), begin, begin + bytes);
@@ -307,12 +305,14 @@ std::span<const int32_t> DocumentBaker::takeResult(Source &source, const Microma
     Micromap counted;
     counted.triangles = stored.triangles;
     stored.usage = counted.buildUsage();
+    const auto numberOf = [&used](int32_t index) {
+        return static_cast<int32_t>(std::lower_bound(used.begin(), used.end(), index) - used.begin());
+    };
     size_t next = 0;
     for (const auto &[key, layer] : source.layers)
         for (const TrianglePlace &place : layer.places) {
             const int32_t index = indices[next++];
-            result_.primitives[place.primitive].micromap.indices[place.triangle] =
-                index < 0 ? index : numbers[static_cast<size_t>(index)];
+            result_.primitives[place.primitive].micromap.indices[place.triangle] = index < 0 ? index : numberOf(index);
         }
     source.baked = std::move(stored);
     return indices.subspan(count);

@@ -76,10 +76,10 @@ FilesBeside filesBeside(const JsonValue &root, const std::filesystem::path &inpu
     std::set<std::filesystem::path> seen;
     for (const std::filesystem::path &name : namedFiles(root)) {
         const std::filesystem::path normal = name.lexically_normal();
-        if (!seen.insert(normal).second || !std::filesystem::is_regular_file(from / normal, error))
+        if (!seen.insert(normal).second || (sameFolder && leadsOut(normal))) // that is not read, and not copied
             continue;
-        if (sameFolder && leadsOut(normal))
-            continue; // not read, and not copied
+        if (!std::filesystem::is_regular_file(from / normal, error))
+            continue;
         files.read.push_back(from / normal);
         if (std::filesystem::equivalent(files.read.back(), output, error))
             throw GltfError("the output is the file " + utf8Text(name) + ", which it names");

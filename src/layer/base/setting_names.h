@@ -22,13 +22,14 @@ inline std::vector<std::string> settingKeys()
 #undef VELLUM_KEY
 }
 
-// What stands behind the prefix of variables: settings, and variables of the command and the Python package.
-inline std::vector<std::string> variableKeys()
+// What stands behind a prefix of variables: settings, and with VELLUM_ variables of the command and the Python package.
+inline std::vector<std::string> variableKeys(std::string_view prefix)
 {
     std::vector<std::string> keys = settingKeys();
     for (std::string &key : keys)
         std::ranges::transform(key, key.begin(), [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
-    keys.insert(keys.end(), {"CACHE", "FAIL_ON", "LIBRARY_PATH", "REQUIRE_CHECKS"});
+    if (prefix == "VELLUM_")
+        keys.insert(keys.end(), {"CACHE", "FAIL_ON", "LIBRARY_PATH", "REQUIRE_CHECKS"});
     return keys;
 }
 
@@ -40,7 +41,7 @@ inline std::string problemOfVariable(const std::string &name, std::string_view p
     for (const char *ofTests : {"TEST_", "ORACLE_", "STRESS", "LOWER_", "FORCING"})
         if (key.starts_with(ofTests))
             return {};
-    const std::vector<std::string> keys = variableKeys();
+    const std::vector<std::string> keys = variableKeys(prefix);
     if (std::ranges::find(keys, key) != keys.end())
         return {};
     const std::string nearest = nearestWord(key, keys);

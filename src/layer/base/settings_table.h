@@ -61,4 +61,4 @@
     X(dump_shaders, dumpShaders, std::string, {}, "Dump shaders",                                                      \
       "Existing folder to which each shader that the layer rewrites is written, before and after.")                    \
     X(report_file, reportFile, std::string, {}, "Report file",                                                         \
-      "File to which each message is appended: severity, id and text in a line. vellum run uses it.")
+      "File to which each message is appended: severity, id, text and process in a line. vellum run uses it.")
