@@ -248,16 +248,16 @@ with open(pathlib.Path(__file__).parents[2] / "ran", "a", encoding="utf-8") as r
         self.assertEqual(self.programs("true"), 1)
         self.assertRegex(self.row("programs")[2], "nothing was tested$")
 
-    def test_program_without_triangles(self):
+    def test_program_with_nothing_to_force(self):
         self.programs("echo 1 >frame.ppm")
         self.script("build/programs/boxes", 'case $VK_INSTANCE_LAYERS in *forcing*) echo "forcing: 1 devices, 0 geometries"; esac\n'
                     "echo 1 >frame.ppm")
         programs = ("--programs", self.checkout / "build/programs", "programs")
         self.assertEqual(self.matrix(*programs).returncode, 0)
-        self.assertRegex(self.row("programs")[2], "2 programs, 10 pictures; without triangles: boxes$")
+        self.assertRegex(self.row("programs")[2], "2 programs, 10 pictures; nothing to force: boxes$")
         (self.checkout / "build/programs/triangle").unlink()
         self.assertEqual(self.matrix(*programs).returncode, 1)
-        self.assertRegex(self.row("programs")[2], "1 programs, 5 pictures; without triangles: boxes: nothing was tested$")
+        self.assertRegex(self.row("programs")[2], "1 programs, 5 pictures; nothing to force: boxes: nothing was tested$")
         self.script("build/programs/boxes", "echo 1 >frame.ppm")  # the layer is not loaded
         self.assertEqual(self.matrix(*programs).returncode, 1)
         self.assertRegex(self.row("programs")[2], r"failed: boxes \(forced EXT\), boxes \(forced KHR\)$")
