@@ -319,22 +319,27 @@ VkResult queuePresent(DeviceCommandBuffers &device, VkQueue queue, const VkPrese
     return device.driver.next.QueuePresentKHR(queue, info);
 }
 
+// The next layer has no labels if the application did not enable VK_EXT_debug_utils; some loaders return the layer's
+// commands all the same.
 void queueBeginDebugUtilsLabel(DeviceCommandBuffers &device, VkQueue queue, const VkDebugUtilsLabelEXT *label)
 {
     const ProbeQueue::Lock lock = device.probes.lock(queue);
-    device.driver.next.QueueBeginDebugUtilsLabelEXT(queue, label);
+    if (const auto next = device.driver.next.QueueBeginDebugUtilsLabelEXT)
+        next(queue, label);
 }
 
 void queueEndDebugUtilsLabel(DeviceCommandBuffers &device, VkQueue queue)
 {
     const ProbeQueue::Lock lock = device.probes.lock(queue);
-    device.driver.next.QueueEndDebugUtilsLabelEXT(queue);
+    if (const auto next = device.driver.next.QueueEndDebugUtilsLabelEXT)
+        next(queue);
 }
 
 void queueInsertDebugUtilsLabel(DeviceCommandBuffers &device, VkQueue queue, const VkDebugUtilsLabelEXT *label)
 {
     const ProbeQueue::Lock lock = device.probes.lock(queue);
-    device.driver.next.QueueInsertDebugUtilsLabelEXT(queue, label);
+    if (const auto next = device.driver.next.QueueInsertDebugUtilsLabelEXT)
+        next(queue, label);
 }
 
 VkResult queueSetPerformanceConfiguration(DeviceCommandBuffers &device, VkQueue queue,

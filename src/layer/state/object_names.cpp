@@ -24,18 +24,22 @@ bool keepName(DeviceState &device, VkObjectType type, uint64_t object, const cha
 
 } // namespace
 
+// Applications that do not enable VK_EXT_debug_utils get its commands from some loaders all the same, which do nothing.
+// Then the next layer has none.
 VkResult setDebugUtilsObjectName(DeviceState &device, VkDevice handle, const VkDebugUtilsObjectNameInfoEXT *info)
 {
     if (keepName(device, info->objectType, info->objectHandle, info->pObjectName))
         return VK_SUCCESS;
-    return device.driver.next.SetDebugUtilsObjectNameEXT(handle, info);
+    const auto next = device.driver.next.SetDebugUtilsObjectNameEXT;
+    return next ? next(handle, info) : VK_SUCCESS;
 }
 
 VkResult setDebugUtilsObjectTag(DeviceState &device, VkDevice handle, const VkDebugUtilsObjectTagInfoEXT *info)
 {
     if (device.own(info->objectType, info->objectHandle))
         return VK_SUCCESS;
-    return device.driver.next.SetDebugUtilsObjectTagEXT(handle, info);
+    const auto next = device.driver.next.SetDebugUtilsObjectTagEXT;
+    return next ? next(handle, info) : VK_SUCCESS;
 }
 
 // VK_EXT_debug_marker has the object types of VK_EXT_debug_report: the same number for acceleration structures, and

@@ -103,4 +103,51 @@ TEST_P(OldInstance, NoNewerCommandIsCalled)
 
 INSTANTIATE_TEST_SUITE_P(Extension, OldInstance, testing::Bool());
 
+// Loaders return their own function of VK_EXT_debug_utils for a device whose instance does not have the extension, but
+// not while the device is created. NVIDIA's nvpro_core names objects whenever it gets the function.
+TEST(InstanceWithoutDebugUtils, ObjectsCanBeNamed)
+{
+    const auto application = vkInit<VkApplicationInfo>({.apiVersion = VK_API_VERSION_1_2});
+    const char *layer = "VK_LAYER_VELLUM_opacity_micromap";
+    auto info = vkInit<VkInstanceCreateInfo>(
+        {.pApplicationInfo = &application, .enabledLayerCount = 1, .ppEnabledLayerNames = &layer});
+    VkInstance instance = VK_NULL_HANDLE;
+    ASSERT_EQ(vkCreateInstance(&info, nullptr, &instance), VK_SUCCESS);
+    uint32_t count = 1;
+    VkPhysicalDevice physical = VK_NULL_HANDLE;
+    ASSERT_GE(vkEnumeratePhysicalDevices(instance, &count, &physical), VK_SUCCESS);
+    const float priority = 1;
+    auto queueInfo = vkInit<VkDeviceQueueCreateInfo>({.queueCount = 1, .pQueuePriorities = &priority});
+    auto deviceInfo = vkInit<VkDeviceCreateInfo>({.queueCreateInfoCount = 1, .pQueueCreateInfos = &queueInfo});
+    VkDevice device = VK_NULL_HANDLE;
+    ASSERT_EQ(vkCreateDevice(physical, &deviceInfo, nullptr, &device), VK_SUCCESS);
+    VkQueue queue = VK_NULL_HANDLE;
+    vkGetDeviceQueue(device, 0, 0, &queue);
+    const auto load = [&]<class Function>(Function, const char *name) {
+        return reinterpret_cast<Function>(vkGetDeviceProcAddr(device, name));
+    };
+    auto name = vkInit<VkDebugUtilsObjectNameInfoEXT>({.objectType = VK_OBJECT_TYPE_QUEUE,
+                                                       .objectHandle = reinterpret_cast<uint64_t>(queue),
+                                                       .pObjectName = "queue"});
+    if (const auto set = load(PFN_vkSetDebugUtilsObjectNameEXT{}, "vkSetDebugUtilsObjectNameEXT")) {
+        EXPECT_EQ(set(device, &name), VK_SUCCESS);
+    }
+    auto tag = vkInit<VkDebugUtilsObjectTagInfoEXT>({.objectType = VK_OBJECT_TYPE_QUEUE,
+                                                     .objectHandle = reinterpret_cast<uint64_t>(queue),
+                                                     .tagSize = 1,
+                                                     .pTag = "x"});
+    if (const auto set = load(PFN_vkSetDebugUtilsObjectTagEXT{}, "vkSetDebugUtilsObjectTagEXT")) {
+        EXPECT_EQ(set(device, &tag), VK_SUCCESS);
+    }
+    auto label = vkInit<VkDebugUtilsLabelEXT>({.pLabelName = "label"});
+    if (const auto begin = load(PFN_vkQueueBeginDebugUtilsLabelEXT{}, "vkQueueBeginDebugUtilsLabelEXT"))
+        begin(queue, &label);
+    if (const auto insert = load(PFN_vkQueueInsertDebugUtilsLabelEXT{}, "vkQueueInsertDebugUtilsLabelEXT"))
+        insert(queue, &label);
+    if (const auto end = load(PFN_vkQueueEndDebugUtilsLabelEXT{}, "vkQueueEndDebugUtilsLabelEXT"))
+        end(queue);
+    vkDestroyDevice(device, nullptr);
+    vkDestroyInstance(instance, nullptr);
+}
+
 } // namespace
