@@ -176,7 +176,7 @@ void BuiltCase::execute(const std::string &what, const Writes &writes, const Rec
     gpu_.submit([&](VkCommandBuffer commands) { recordDiscarding(commands, record); },
                 {.secondary = case_.build.secondary,
                  .times = case_.build.twice && repeatable ? 2u : 1u,
-                 .rerecorded = case_.build.rerecorded});
+                 .rerecorded = case_.build.rerecorded && repeatable});
     watch.expectOnlyChanged(writes, what);
     checkDiscarded(what);
 }

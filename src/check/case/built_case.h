@@ -131,7 +131,9 @@ private:
     }
     // Reports a dispatch that was executed.
     void checkDiscarded(const std::string &what);
-    // Executes, and reports what else was written to.
+    // Executes, and reports what else was written to. Not repeatable: what is recorded replaces what it reads, so that
+    // it is neither submitted nor recorded twice. Vellum's layer sizes copies of GENERIC structures by the build that
+    // was recorded last, be it executed or not (docs/limitations.md).
     void execute(const std::string &what, const Writes &writes, const Record &record, bool repeatable = true);
     void executeOnHost(const std::string &what, const Writes &writes, const std::function<void()> &command);
     void runQueries();

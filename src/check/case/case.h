@@ -59,7 +59,8 @@ struct BuildPlan {
     bool sharedInputs = false;
     bool aliasedInputs = false;
     bool lateInputs = false;
-    bool rerecorded = false; // each command buffer of builds, copies and updates is recorded twice, and then executed
+    // Each command buffer of builds, copies and updates is recorded twice, and then executed; except those of MoveObject.
+    bool rerecorded = false;
     // `single`: builds of micromaps, of objects, and of the top level with the rays are in three command buffers of one
     // submission, which are recorded in reverse order.
     bool backwards = false;
