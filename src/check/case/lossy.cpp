@@ -149,9 +149,13 @@ LossyStates lossyStatesOfTwin(Device &gpu, const Case &c, const oracle::Scene &s
     for (oracle::Instance &instance : to.instances)
         ++instance.object;
     Device &twin = gpu.twin();
-    BuiltCase built(twin, plain);
-    built.finish();
-    LossyStates states = lossyStatesIn(twin, built, scene, hits);
+    LossyStates states;
+    {
+        BuiltCase built(twin, plain);
+        built.finish();
+        states = lossyStatesIn(twin, built, scene, hits);
+    }
+    // Objects check their memory when they are destroyed.
     for (const std::string &fault : twin.takeFaults())
         gpu.fault(fault);
     return states;

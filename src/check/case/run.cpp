@@ -168,8 +168,6 @@ public:
         built_.finish();
         faults_ = traceFaults(gpu_.twin(), built_.top(), after_, hits_, trace_,
                               [this](VkCommandBuffer commands) { built_.recordWithRays(commands); });
-        for (const std::string &fault : gpu_.twin().takeFaults())
-            gpu_.fault(fault + " (on the second device)");
     }
     // Adds its faults to those of the first device's rays.
     void addFaults(std::vector<std::string> &faults) const
@@ -238,6 +236,10 @@ Verdict run(Device &gpu, const Case &c)
                 faults[i] = all[i].empty() ? faults[i] : all[i];
         }
     }
+    // Objects check their memory when they are destroyed.
+    if (c.build.secondDevice)
+        for (const std::string &fault : gpu.twin().takeFaults())
+            gpu.fault(fault + " (on the second device)");
     for (size_t i = 0; i < faults.size(); ++i) {
         verdict.rays += hits[i].unsure ? 0u : 1u;
         if (faults[i].empty())
