@@ -68,34 +68,46 @@ std::vector<Result> traceProbes(AnyTracer &tracer, const Structure &top, std::sp
     return results;
 }
 
-std::vector<Result> traceProbes(Device &gpu, const Structure &top, const Scene &scene, std::span<const Ray> rays,
-                                TracePlan::Method method)
+// scene: what `top` and the probes are. Traces by ray queries if a pipeline must not trace the scene.
+std::vector<Result> traceProbes(Device &gpu, const Structure &top, const Scene &scene, const TracePlan &trace)
 {
     struct Kept {
         std::unique_ptr<Tracer> tracer;
         std::unique_ptr<PipelineTracer> pipeline;
     };
     const std::shared_ptr<Kept> kept = gpu.kept<Kept>();
-    if (method == TracePlan::Method::Query) {
+    const TraceParameters &parameters = trace.pipeline.parameters;
+    // Every record has an any-hit shader.
+    const oracle::TracedBy by{.parameters = parameters,
+                              .table = {.records = {oracle::HitRecord::Full}, .misses = trace.pipeline.table.misses}};
+    if (trace.method == TracePlan::Method::Query || !oracle::tableRule(scene, by, false).empty()) {
         if (!kept->tracer)
             kept->tracer = std::make_unique<Tracer>(gpu);
-        return traceProbes(*kept->tracer, top, rays);
+        return traceProbes(*kept->tracer, top, scene.rays);
     }
-    // Every record has an any-hit shader.
-    const oracle::TracedBy by{.table = {.records = {oracle::HitRecord::Full}}};
+    const PipelineTracerSetup setup{.groups = oracle::hitGroups(by.flags),
+                                    .sbtOffset = parameters.recordOffset,
+                                    .sbtStride = parameters.recordStride,
+                                    .missIndex = parameters.missIndex};
     if (!kept->pipeline)
-        kept->pipeline = std::make_unique<PipelineTracer>(
-            gpu, PipelineTracerSetup{.groups = oracle::hitGroups(by.flags), .sbtStride = by.parameters.recordStride});
-    kept->pipeline->setTable(oracle::tableOf(scene, by));
-    return traceProbes(*kept->pipeline, top, rays);
+        kept->pipeline = std::make_unique<PipelineTracer>(gpu, setup);
+    PipelineTracer tracer(*kept->pipeline, setup);
+    tracer.setTable(oracle::tableOf(scene, by));
+    return traceProbes(tracer, top, scene.rays);
 }
 
 } // namespace
 
 LossyStates lossyStatesIn(Device &gpu, const BuiltCase &built, const Scene &scene, std::span<const Hits> hits,
-                          TracePlan::Method method)
+                          const TracePlan &trace)
 {
-    std::vector<Ray> probes;
+    // What BuiltCase::plainTop shows to the probes.
+    Scene plain = scene;
+    for (oracle::Instance &instance : plain.instances) {
+        instance.flags = 0;
+        instance.mask = 0xff;
+    }
+    plain.rays.clear();
     for (size_t i = 0; i < hits.size(); ++i) {
         if (hits[i].lossy.empty())
             continue;
@@ -105,10 +117,10 @@ LossyStates lossyStatesIn(Device &gpu, const BuiltCase &built, const Scene &scen
         ray.generate = 0;
         for (const uint32_t flags : kProbes) {
             ray.flags = flags;
-            probes.push_back(ray);
+            plain.rays.push_back(ray);
         }
     }
-    const std::vector<Result> results = traceProbes(gpu, *built.plainTop(), scene, probes, method);
+    const std::vector<Result> results = traceProbes(gpu, *built.plainTop(), plain, trace);
     LossyStates states;
     auto result = results.begin();
     for (const Hits &ray : hits) {

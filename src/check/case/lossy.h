@@ -20,9 +20,9 @@ struct LossyStates {
 };
 
 // Reads them from the structures of a case whose scene is `scene` after all steps, by ray queries or by a ray tracing
-// pipeline. hits: allHits of each of its rays.
+// pipeline with the parameters of the plan's first one. hits: allHits of each of its rays.
 LossyStates lossyStatesIn(Device &gpu, const BuiltCase &built, const oracle::Scene &scene,
-                          std::span<const oracle::Hits> hits, TracePlan::Method method = TracePlan::Method::Query);
+                          std::span<const oracle::Hits> hits, const TracePlan &trace = {});
 // Reads them from structures that the twin of the device builds of the same data with the same flags, by plain
 // commands: without copies, updates and several builds at a time.
 LossyStates lossyStatesOfTwin(Device &gpu, const Case &c, const oracle::Scene &scene,

@@ -231,7 +231,7 @@ Verdict run(Device &gpu, const Case &c)
             second->addFaults(faults);
         if (lossy) {
             const std::vector<std::string> all =
-                lossyFaults(expected, lossyStatesIn(gpu, built, after, hits, c.trace.method), hits);
+                lossyFaults(expected, lossyStatesIn(gpu, built, after, hits, c.trace), hits);
             for (size_t i = 0; i < all.size(); ++i)
                 faults[i] = all[i].empty() ? faults[i] : all[i];
         }
