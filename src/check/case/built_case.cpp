@@ -127,13 +127,14 @@ std::unique_ptr<Micromap> BuiltCase::newMicromap(const oracle::SceneMicromap &fr
     return std::make_unique<Micromap>(gpu_, oracle::inputOf(from), from.flags, scratch, &inputs_);
 }
 
-void BuiltCase::recordUnder(VkCommandBuffer commands, const Record &record)
+void BuiltCase::recordUnder(VkCommandBuffer commands, const Record &record, bool last)
 {
     const auto recordBetween = [&] {
         record(commands);
         if (between_)
             between_();
-        inputs_.write();
+        if (last)
+            inputs_.write();
     };
     if (case_.build.conditional == Conditional::None)
         return recordBetween();
@@ -549,9 +550,11 @@ void BuiltCase::recordAll(VkCommandBuffer commands)
             recordTop(to);
         });
     }
-    recordUnder(commands, [this](VkCommandBuffer to) { recordTop(to); });
+    recordUnder(
+        commands, [this](VkCommandBuffer to) { recordTop(to); }, false);
     const VkCommandBuffer objects = gpu_.begin();
-    recordUnder(objects, [this](VkCommandBuffer to) { recordObjects(to); });
+    recordUnder(
+        objects, [this](VkCommandBuffer to) { recordObjects(to); }, false);
     gpu_.end(objects);
     const VkCommandBuffer micromaps = gpu_.begin();
     recordUnder(micromaps, [this](VkCommandBuffer to) { recordMicromaps(to); });

@@ -116,8 +116,9 @@ private:
     void deserialize(const Guarded &data, Structure &target);
 
     void runOnThreads(const Work &work);
-    // Records as the case does everything but rays: within conditional rendering, or not. Then writes late inputs.
-    void recordUnder(VkCommandBuffer commands, const Record &record);
+    // Records as the case does everything but rays: within conditional rendering, or not. Then writes late inputs, if
+    // it is the last recording of a submission.
+    void recordUnder(VkCommandBuffer commands, const Record &record, bool last = true);
     // As above. Conditional rendering also has a dispatch at its end, which it discards.
     void recordDiscarding(VkCommandBuffer commands, const Record &record);
     [[nodiscard]] std::unique_ptr<Micromap> newMicromap(const oracle::SceneMicromap &from,
