@@ -262,20 +262,21 @@ private:
                                                        namesOf(case_.scene.topFlags, kStructureFlagNames))
                                          : "");
         writeInstances(case_.scene.instances);
-        if (case_.build.single)
+        if (case_.build.backwards)
+            line("     All builds and the rays are in three command buffers of one submission, which are recorded in "
+                 "reverse order: of the micromaps, the objects, and the rest.");
+        else if (case_.build.single)
             line("     All builds and the rays are in one command buffer.");
         if (case_.build.conditional != Conditional::None)
             line("     Builds, copies and queries are within conditional rendering whose predicate is {}{}.",
                  case_.build.conditional == Conditional::InvertedTrue ? "true and inverted" : "false",
                  case_.build.single ? "" : ", and so is a dispatch after each build and copy");
+        if (case_.build.conditional == Conditional::FalseAtAddress)
+            line("     It begins by vkCmdBeginConditionalRendering2EXT.");
         if (case_.build.unrelated)
             line("     Commands that build several objects build an unrelated top level first; that which builds the "
                  "top "
                  "level builds an unrelated object first.");
-        if (case_.build.conditional == Conditional::FalseAtAddress)
-            line("     It begins by vkCmdBeginConditionalRendering2EXT.");
-        if (case_.build.backwards)
-            line("     In three, which are recorded in reverse order: of the micromaps, the objects, and the rest.");
         if (case_.build.sharedInputs)
             line("     Inputs that other inputs begin with are in their memory.");
         if (case_.build.aliasedInputs)
@@ -631,7 +632,8 @@ void Account::writeRay()
         line("What traces was bound before the builds of the same command buffer{}.",
              case_.trace.pipelineLast ? "; the shader is bound after them" : "");
     if (case_.trace.twice)
-        line("The command buffer is submitted twice.");
+        line("The command buffer is submitted twice{}.",
+             case_.build.backwards ? ", those of the micromaps and the objects once" : "");
     if (case_.trace.maintenance6)
         line("The descriptor set is bound by vkCmdBindDescriptorSets2KHR, and constants are pushed by "
              "vkCmdPushConstants2KHR.");

@@ -59,10 +59,11 @@ struct BuildPlan {
     bool sharedInputs = false;
     bool aliasedInputs = false;
     bool lateInputs = false;
-    // Each command buffer of builds, copies and updates is recorded twice, and then executed; except those of MoveObject.
+    // Each command buffer of builds, copies and updates is recorded twice, and then executed; except those of
+    // MoveObject.
     bool rerecorded = false;
     // `single`: builds of micromaps, of objects, and of the top level with the rays are in three command buffers of one
-    // submission, which are recorded in reverse order.
+    // submission, which are recorded in reverse order. TracePlan::twice submits only the last of them again.
     bool backwards = false;
     // A second device carries out the same, in memory apart: something of it while each command buffer of the first one
     // is recorded. Not with threads.
