@@ -123,6 +123,16 @@ TEST(CaseJson, FloatsComeBackExactly)
         ASSERT_EQ(std::memcmp(&back.scene.rays[i], &c.scene.rays[i], sizeof(Ray)), 0) << i;
 }
 
+TEST(CaseJson, ConditionalMayBeABoolean)
+{
+    for (const bool conditional : {false, true}) {
+        std::string text(kSmall);
+        text.insert(text.find("\"scene\""),
+                    std::string("\"build\": {\"conditional\": ") + (conditional ? "true" : "false") + "}, ");
+        EXPECT_EQ(caseFromJson(text).build.conditional, conditional ? Conditional::False : Conditional::None);
+    }
+}
+
 TEST(CaseJson, ManyStatesAreLengthsOfRuns)
 {
     Case c = smallCase();

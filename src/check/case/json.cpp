@@ -415,7 +415,11 @@ public:
     void name(const char *key, T &field, const std::array<Name<T>, N> &names, T standard)
     {
         const Json *found = find(key);
-        field = found != nullptr ? named(*found, path(key), names) : standard;
+        // "conditional" was a boolean.
+        if (std::is_same_v<T, Conditional> && found != nullptr && found->IsBool())
+            field = found->GetBool() ? names[1].value : standard;
+        else
+            field = found != nullptr ? named(*found, path(key), names) : standard;
     }
     template <size_t N>
     void bits(const char *key, uint32_t &field, const std::array<Bit, N> &names)
