@@ -434,4 +434,28 @@ TEST(Invalid, RandomCasesAreValidAndBrokenOnesAreNot)
     }
 }
 
+// BuildInputs shares memory that begins with what is uploaded later.
+TEST(VaryInputs, SharedMicromapsAreInThoseBeforeThem)
+{
+    uint32_t shared = 0, all = 0;
+    for (uint32_t seed = 0; seed < 200; ++seed) {
+        Case c = randomCase(seed, 3);
+        c.steps.clear();
+        Random random(seed);
+        varyInputs(random, c);
+        EXPECT_EQ(invalid(c), "") << seed;
+        const std::vector<oracle::SceneMicromap> &micromaps = c.scene.micromaps;
+        for (size_t m = 1; c.build.sharedInputs && m < micromaps.size(); ++m) {
+            const auto &to = micromaps[m].triangles, &from = micromaps[m - 1].triangles;
+            ASSERT_GE(from.size(), to.size()) << seed;
+            shared += std::equal(to.begin(), to.end(), from.begin(), [](const auto &a, const auto &b) {
+                return a.level == b.level && a.format == b.format && a.states == b.states;
+            });
+            ++all;
+        }
+    }
+    EXPECT_GT(all, 10u);
+    EXPECT_GT(shared * 3, all);
+}
+
 } // namespace

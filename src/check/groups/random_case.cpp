@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <numeric>
 
 #include "check/case/json.h"
 #include "check/case/names.h"
@@ -401,12 +403,35 @@ void terminateSome(Random &random, oracle::Scene &scene)
             ray.rule = kTerminate;
 }
 
+// Micromaps with more triangles get smaller numbers.
+void sortMicromaps(oracle::Scene &scene)
+{
+    std::vector<uint32_t> order(scene.micromaps.size()); // by new numbers
+    std::iota(order.begin(), order.end(), 0u);
+    std::ranges::stable_sort(order, std::greater(),
+                             [&](uint32_t micromap) { return scene.micromaps[micromap].triangles.size(); });
+    std::vector<oracle::SceneMicromap> sorted;
+    std::vector<uint32_t> numbers(order.size());
+    for (const uint32_t micromap : order) {
+        numbers[micromap] = static_cast<uint32_t>(sorted.size());
+        sorted.push_back(std::move(scene.micromaps[micromap]));
+    }
+    scene.micromaps = std::move(sorted);
+    for (oracle::Object &object : scene.objects)
+        for (oracle::Mesh &mesh : object.meshes)
+            if (mesh.micromap && mesh.micromap->micromap)
+                mesh.micromap->micromap = numbers[*mesh.micromap->micromap];
+}
+
+// Of a case without steps yet.
 void varyInputs(Random &random, Case &c)
 {
     c.build.sharedInputs = chance(random, 30);
     c.build.aliasedInputs = chance(random, 25);
     c.build.lateInputs = c.memory == Memory::Apart && chance(random, 25);
-    // A micromap begins with the data of the one before it, or that one with its data.
+    // A micromap begins with the data of the next one, which is then uploaded to no memory of its own.
+    if (c.build.sharedInputs)
+        sortMicromaps(c.scene);
     std::vector<oracle::SceneMicromap> &micromaps = c.scene.micromaps;
     for (size_t m = 1; c.build.sharedInputs && m < micromaps.size(); ++m) {
         const oracle::SceneMicromap &from = micromaps[m - 1];
@@ -414,8 +439,7 @@ void varyInputs(Random &random, Case &c)
             continue;
         micromaps[m].layout = from.layout;
         micromaps[m].triangleStride = from.triangleStride;
-        std::copy_n(from.triangles.begin(), std::min(from.triangles.size(), micromaps[m].triangles.size()),
-                    micromaps[m].triangles.begin());
+        std::copy_n(from.triangles.begin(), micromaps[m].triangles.size(), micromaps[m].triangles.begin());
     }
 }
 
