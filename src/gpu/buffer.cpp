@@ -39,9 +39,16 @@ Buffer::Buffer(Device &gpu, const Buffer &other, VkDeviceSize offset, VkDeviceSi
 {
     const auto info = vkInit<VkBufferCreateInfo>({.size = size, .usage = usage});
     CHECK_VK(vkCreateBuffer(gpu.device(), &info, nullptr, &buffer_));
-    VkMemoryRequirements needs;
+    VkMemoryRequirements needs, others; // others: what its memory was allocated by
     vkGetBufferMemoryRequirements(gpu.device(), buffer_, &needs);
-    CHECK_VK(vkBindBufferMemory(gpu.device(), buffer_, other.memory(), offset / needs.alignment * needs.alignment));
+    vkGetBufferMemoryRequirements(gpu.device(), other.handle(), &others);
+    const VkDeviceSize begin = offset / needs.alignment * needs.alignment;
+    // VUID-vkBindBufferMemory-size-01037, -memory-01035
+    if (begin + needs.size > others.size || (others.memoryTypeBits & ~needs.memoryTypeBits) != 0) {
+        *this = Buffer();
+        return;
+    }
+    CHECK_VK(vkBindBufferMemory(gpu.device(), buffer_, other.memory(), begin));
     if ((usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0)
         address_ = gpu.address(buffer_);
 }

@@ -12,6 +12,7 @@ std::shared_ptr<Guarded> BuildInputs::upload(const void *content, VkDeviceSize s
                                              VkDeviceSize alignment)
 {
     const std::lock_guard lock(mutex_);
+    std::erase_if(shared_, [](const Piece &piece) { return piece.memory.expired(); });
     const std::span bytes(static_cast<const uint8_t *>(content), static_cast<size_t>(size));
     for (const Piece &piece : shared_) {
         const std::shared_ptr<Guarded> memory = piece.memory.lock();
