@@ -56,6 +56,22 @@ constexpr std::array<NewerExtension, 9> kNewerExtensions{{
     {"VK_KHR_maintenance6", 1000545000},
 }};
 
+// The command buffers that precede one submission. Another one that is made while it is recorded has its own; those of
+// a recording that failed are freed.
+struct Preceding {
+    VkDevice device;
+    VkCommandPool pool;
+    std::vector<VkCommandBuffer> &own;
+    std::vector<VkCommandBuffer> outer = std::exchange(own, {});
+
+    ~Preceding()
+    {
+        if (!own.empty())
+            vkFreeCommandBuffers(device, pool, static_cast<uint32_t>(own.size()), own.data());
+        own = std::move(outer);
+    }
+};
+
 uint64_t privateValue(uint64_t object, size_t slot)
 {
     return (object * 2 + slot + 1) * 0x9e3779b97f4a7c15;
@@ -449,6 +465,7 @@ void Device::execute(VkCommandBuffer commands)
 
 void Device::submit(const std::function<void(VkCommandBuffer)> &record, const Submission &submission)
 {
+    const Preceding own{device_, pool_, before_};
     const VkCommandBufferUsageFlags usage =
         submission.times == 1 ? VkCommandBufferUsageFlags{VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT} : 0;
     const auto recordInto = [&](VkCommandBuffer to) {

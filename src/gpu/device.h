@@ -152,8 +152,8 @@ public:
     Buffer() = default;
     // Host: filled with zeros.
     Buffer(Device &gpu, VkDeviceSize size, VkBufferUsageFlags usage, Place place = Place::Host);
-    // A buffer in the memory of another one, which outlives it: that many bytes from about the offset on, which is
-    // rounded down as the device demands.
+    // A buffer in the memory of another one, which outlives it: that many bytes from the offset on, which is rounded
+    // down as the device demands. No buffer if the memory cannot hold it.
     Buffer(Device &gpu, const Buffer &other, VkDeviceSize offset, VkDeviceSize size, VkBufferUsageFlags usage);
     Buffer(Buffer &&other) noexcept { swap(other); }
     Buffer &operator=(Buffer &&other) noexcept
@@ -324,7 +324,7 @@ public:
     void end(VkCommandBuffer commands);
     // Submits and waits.
     void execute(VkCommandBuffer commands);
-    // The next command buffer that is executed is submitted together with these, which precede it and are then freed.
+    // While submit records: the command buffer is submitted together with these, which precede it and are then freed.
     void executeBefore(std::span<const VkCommandBuffer> commands) { before_.assign(commands.begin(), commands.end()); }
     // begin, record, end, execute.
     void submit(const std::function<void(VkCommandBuffer)> &record, const Submission &submission = {});
