@@ -201,6 +201,21 @@ TEST(Account, NamesUnusualOptionsOfBuildsAndQueries)
         EXPECT_NE(account.find(line), std::string::npos) << line << "\n" << account;
 }
 
+TEST(Account, CommandBuffersInReverseOrder)
+{
+    Case c = smallCase();
+    c.steps.clear();
+    c.build.single = c.build.backwards = c.build.unrelated = c.trace.twice = true;
+    c.build.conditional = Conditional::FalseAtAddress;
+    const std::string account = accountOf(c, {.cause = "x", .detail = "found", .ray = 0}, Api::Khr);
+    for (const std::string_view text :
+         {"     All builds and the rays are in three command buffers of one submission, which are recorded in reverse "
+          "order: of the micromaps, the objects, and the rest.\n",
+          "conditional rendering whose predicate is false.\n     It begins by vkCmdBeginConditionalRendering2EXT.\n",
+          "The command buffer is submitted twice, those of the micromaps and the objects once.\n"})
+        EXPECT_NE(account.find(text), std::string::npos) << text << account;
+}
+
 TEST(Account, RandomCases)
 {
     for (uint32_t seed = 0; seed < 100; ++seed) {

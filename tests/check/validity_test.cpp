@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "check/case/names.h"
+#include "check/groups/random_case.h"
 #include "random_case.h"
 
 namespace
@@ -441,6 +442,7 @@ TEST(VaryInputs, SharedMicromapsAreInThoseBeforeThem)
     for (uint32_t seed = 0; seed < 200; ++seed) {
         Case c = randomCase(seed, 3);
         c.steps.clear();
+        c.queries.clear();
         Random random(seed);
         varyInputs(random, c);
         EXPECT_EQ(invalid(c), "") << seed;

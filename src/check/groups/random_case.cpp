@@ -423,7 +423,7 @@ void sortMicromaps(oracle::Scene &scene)
                 mesh.micromap->micromap = numbers[*mesh.micromap->micromap];
 }
 
-// Of a case without steps yet.
+// Of a case without steps and queries yet.
 void varyInputs(Random &random, Case &c)
 {
     c.build.sharedInputs = chance(random, 30);
