@@ -204,13 +204,6 @@ void BuiltCase::QueryRun::checkResults(const char *name, const QueryCommand &com
 
 void BuiltCase::QueryRun::write(const QueryCommand &command)
 {
-    // Nothing orders a copy of unavailable queries, which does not wait for them, before a later command that writes
-    // them.
-    const auto copiesUnavailable = [](const CopyResult &copy) {
-        return std::ranges::any_of(copy.expected, [](const QueryState &query) { return query.is != Is::Available; });
-    };
-    if (std::ranges::any_of(copies, copiesUnavailable))
-        execute();
     std::vector<VkAccelerationStructureKHR> structures;
     std::vector<MicromapHandle> micromaps;
     for (const QueryTarget &target : command.targets) {
