@@ -20,11 +20,6 @@ are compared with emulated ones. Each part runs in a process of its own, with sh
 or loses the device, the others continue. After Ctrl-C the report has the results so far. It names the device and its
 driver, and nothing of the machine or its user.
 
-Exit status:
-  0  everything was measured
-  1  some part failed, and the report has the others; or a case of the self-check failed, or none passed
-  2  usage error
-
 Examples:
   vellum bench
       three minutes on the most powerful device; vellum-bench.html

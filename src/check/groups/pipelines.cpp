@@ -127,7 +127,7 @@ VkPipelineCreateFlags randomFlags(Random &random, const Case &c, bool skip)
     const auto none = [&](uint32_t bit) {
         return std::ranges::none_of(c.scene.rays, [&](const Ray &ray) { return (ray.flags & bit) != 0; });
     };
-    if (skip && c.trace.from != From::ClosestHit && chance(random, 30) && none(kRaySkipBoxes))
+    if (skip && c.trace.from != From::ClosestHit && chance(random, 50) && none(kRaySkipBoxes))
         flags |= VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR;
     else if (skip && chance(random, 30) && none(kRaySkipTriangles))
         flags |= VK_PIPELINE_CREATE_RAY_TRACING_SKIP_AABBS_BIT_KHR;

@@ -196,6 +196,8 @@ class Writer:
             self.lines.append(f"    visitMemory<{structure}>(indirectDeviceAddress, 0, 1);")
         if name == "vkCmdBuildAccelerationStructuresIndirectKHR":
             self.lines.append("    visitIndirectRanges(infoCount, pInfos, pIndirectDeviceAddresses, pIndirectStrides);")
+        if not name.startswith("vkCmd"):
+            self.lines.append("    readMemory();")
         self.lines.append(f"    return unlocked(DRIVER_NEXT({name}), {', '.join(names)});\n}}")
 
     def listed(self, structures):

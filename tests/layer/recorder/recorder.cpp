@@ -4,7 +4,8 @@
 // names what follows (vkQueueInsertDebugUtilsLabelEXT: its text up to a space). With VELLUM_TEST_RECORD=FOLDER each
 // process writes FOLDER/PID.tsv: a line for each label, member and value. generate.py lists the members.
 //
-// It reads build inputs of the device, so it needs a driver like lavapipe, whose device addresses are host pointers.
+// It reads build inputs of the device when a queue gets the commands, since they may be written after recording. So it
+// needs a driver like lavapipe, whose device addresses are host pointers.
 #include "layers/driver.h"
 
 #include <bit>
@@ -12,10 +13,14 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <functional>
 #include <map>
 #include <set>
+#include <sys/uio.h>
 #include <type_traits>
 #include <unistd.h>
+#include <utility>
+#include <vector>
 
 namespace
 {
@@ -31,6 +36,7 @@ std::mutex mutex; // of all that follows
 std::string label = "none";
 using Values = std::map<std::string, std::set<int64_t>, std::less<>>; // by structure and member
 std::map<std::string, Values, std::less<>> recorded;                  // by label
+std::vector<std::pair<std::string, std::function<void()>>> later;     // what reads memory, with its label
 
 void note(const char *member, int64_t value)
 {
@@ -105,6 +111,15 @@ void visitMicromaps(uint32_t count, const VkMicromapBuildInfoEXT *infos);
 template <class T>
 void visitMemory(VkDeviceAddress from, VkDeviceSize stride, uint64_t count);
 
+void readMemory()
+{
+    for (const auto &[name, read] : std::exchange(later, {})) {
+        const std::string now = std::exchange(label, name);
+        read();
+        label = now;
+    }
+}
+
 // A call of the next layer, which may call this one from other threads.
 template <class Function, class... Arguments>
 auto unlocked(Function function, Arguments... arguments)
@@ -145,11 +160,22 @@ VKAPI_ATTR void VKAPI_CALL insertLabel(VkQueue handle, const VkDebugUtilsLabelEX
         next(handle, info);
 }
 
+// What `vellum check` submits by.
+VKAPI_ATTR VkResult VKAPI_CALL queueSubmit(VkQueue handle, uint32_t count, const VkSubmitInfo *infos, VkFence fence)
+{
+    {
+        const std::lock_guard lock(mutex);
+        readMemory();
+    }
+    return DRIVER_NEXT(vkQueueSubmit)(handle, count, infos, fence);
+}
+
 // Writes out the record: workers may end without destroying their instance.
 VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCallbacks *allocator)
 {
     {
         const std::lock_guard lock(mutex);
+        later.clear();
         save();
     }
     DRIVER_NEXT(vkDestroyDevice)(handle, allocator);
@@ -157,7 +183,7 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
 
 #define RECORDER_ROWS                                                                                                  \
     {"vkQueueInsertDebugUtilsLabelEXT", DRIVER_FUNCTION(insertLabel)},                                                 \
-        {"vkDestroyDevice", DRIVER_FUNCTION(destroyDevice)},
+        {"vkQueueSubmit", DRIVER_FUNCTION(queueSubmit)}, {"vkDestroyDevice", DRIVER_FUNCTION(destroyDevice)},
 #include "recorder_members.inc"
 
 void visitChosen(VkGeometryTypeKHR type, const VkAccelerationStructureGeometryDataKHR &data)
@@ -183,15 +209,23 @@ void visitAll(const T *const *values, uint32_t count)
         visit(*values[i]);
 }
 
-// Visits the first elements and the last one of an array in device memory.
+// Returns false where there is no memory any more.
+template <class T>
+bool readAt(VkDeviceAddress from, T &copy)
+{
+    const iovec to{&copy, sizeof copy}, at{reinterpret_cast<void *>(from), sizeof copy};
+    return process_vm_readv(getpid(), &to, 1, &at, 1, 0) == static_cast<ssize_t>(sizeof copy);
+}
+
+// Visits the first elements and the last one of an array in device memory, in readMemory().
 template <class T>
 void visitMemory(VkDeviceAddress from, VkDeviceSize stride, uint64_t count)
 {
-    for (uint64_t i = 0; from != 0 && i < count; i = i + 1 == count || i + 1 < kMostElements ? i + 1 : count - 1) {
-        T copy;
-        std::memcpy(&copy, reinterpret_cast<const void *>(from + i * stride), sizeof copy);
-        visit(copy);
-    }
+    later.emplace_back(label, [from, stride, count] {
+        for (uint64_t i = 0; from != 0 && i < count; i = i + 1 == count || i + 1 < kMostElements ? i + 1 : count - 1)
+            if (T copy; readAt(from + i * stride, copy))
+                visit(copy);
+    });
 }
 
 template <class Usage>
@@ -253,11 +287,12 @@ void visitRanges(uint32_t count, const VkAccelerationStructureBuildGeometryInfoK
                                                                 range.primitiveCount);
                 continue;
             }
-            for (uint32_t n = 0; n < std::min<uint64_t>(range.primitiveCount, kMostElements); ++n) {
-                VkDeviceAddress each = 0;
-                std::memcpy(&each, reinterpret_cast<const void *>(from + n * sizeof each), sizeof each);
-                visitMemory<VkAccelerationStructureInstanceKHR>(each, 0, 1);
-            }
+            later.emplace_back(label, [from, count = std::min<uint64_t>(range.primitiveCount, kMostElements)] {
+                VkAccelerationStructureInstanceKHR instance;
+                for (VkDeviceAddress n = 0, each = 0; n < count; ++n)
+                    if (readAt(from + n * sizeof each, each) && readAt(each, instance))
+                        visit(instance);
+            });
         }
     }
 }
