@@ -317,7 +317,8 @@ TEST_F(SettingsTest, SimulatedLevels)
     set("VELLUM_MAX_OPACITY_LOSSY_4_STATE_SUBDIVISION_LEVEL", "2");
     EXPECT_EQ(printed(), "vellum: VELLUM-setting: max_opacity_lossy_4_state_subdivision_level is 2 "
                          "(VELLUM_MAX_OPACITY_LOSSY_4_STATE_SUBDIVISION_LEVEL) and must be at least 3, as on every "
-                         "device; the setting is ignored\n");
+                         "device; the setting is ignored" +
+                             kProcess + "\n");
     EXPECT_EQ(settings_.mostLossyLevel, 0u);
 }
 
