@@ -284,10 +284,12 @@ def main():
             out.mkdir()
             seconds, killed, submissions = 0, collections.Counter(), 0
             # Slurm ends a task now and then, and a controller that was killed forgets some. Another submission skips what is done.
-            while submissions < MOST_SUBMISSIONS and (submissions == 0 or files_in(out).keys() != expected.keys()):
+            found = {}
+            while submissions < MOST_SUBMISSIONS and found.keys() != expected.keys():
                 seconds += run_job(slurm, options, out, numbers, expected, killed, kills, words)
                 submissions += 1
-            differing, missing, more = compare(files_in(out), expected)
+                found = files_in(out)
+            differing, missing, more = compare(found, expected)
             text = f" ({', '.join(f'{name} {count}' for name, count in sorted(killed.items()))})" if killed else ""
             print(f"{label}{text}: {seconds:.0f} s, {submissions} submission{'s' if submissions > 1 else ''}; {len(missing)} lost, "
                   f"{len(differing)} differ, {len(more)} left over", flush=True)
