@@ -268,11 +268,9 @@ VellumResult bakeInto(MakeSource &&source, Target &&target, const VellumBakeOpti
         const FileBake made = ofFile([&] {
             try {
                 return bakeFile(from.document(), to, wanted);
-            } catch (const BakeCancelled &) {
-                throw;
             } catch (const BakeTooLarge &error) {
                 throw Failure(VELLUM_ERROR_TOO_LARGE, utf8Text(from.path) + ": " + error.what());
-            } catch (const BakeError &error) { // targetKnown is more than can be known
+            } catch (const TargetNotReached &error) {
                 throw Failure(VELLUM_ERROR_FILE, utf8Text(from.path) + ": " + error.what());
             }
         });

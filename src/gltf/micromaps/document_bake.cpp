@@ -428,7 +428,7 @@ void DocumentBaker::rejectTarget(double known) const
                        " of the alpha-tested surface can be known";
     if (const double without = 1 - surfaceOfSources() / surface_; without > 1e-9)
         text += "; " + percent(without) + " of it gets no micromap";
-    throw BakeError(text);
+    throw TargetNotReached(text);
 }
 
 // Those with the same texture one after another, so that it is read once.

@@ -20,11 +20,18 @@
 namespace vellum
 {
 
+// Less than DocumentBakeOptions::targetKnown can be known.
+class TargetNotReached : public BakeError
+{
+public:
+    using BakeError::BakeError;
+};
+
 struct DocumentBakeOptions {
     // The cutoff is the material's; a budget is for all of the file. Not leastKnown.
     BakeOptions bake;
     // The smallest micromaps that decide this share of the alpha-tested surface (0 to 1). bakeDocument() throws
-    // BakeError, with the share that can be decided, where that is less.
+    // TargetNotReached, with the share that can be decided, where that is less.
     std::optional<double> targetKnown;
     // Also bakes alphaMode BLEND: opaque only where alpha is 1, and transparent only where it is 0. This is correct for
     // renderers that blend, and for those that dither.
