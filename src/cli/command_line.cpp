@@ -105,11 +105,10 @@ void rejectVariablesPassedOver(const CLI::App &command)
 
 void warnOfMisspeltVariables(const CLI::App &command)
 {
-    constexpr size_t kMostEdits = 2;
     for (const CLI::Option *option : command.get_options()) {
         const std::string wanted = option->get_envname();
         for (const std::string &name : wanted.empty() ? std::vector<std::string>() : variableNames())
-            if (name != wanted && editDistance(name, wanted) <= kMostEdits)
+            if (isMisspelling(name, wanted))
                 std::fprintf(stderr, "vellum: warning: nothing reads %s; did you mean %s?\n", name.c_str(),
                              wanted.c_str());
     }

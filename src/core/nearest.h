@@ -28,6 +28,12 @@ inline size_t editDistance(std::string_view a, std::string_view b)
     return row.back();
 }
 
+// Returns whether `word` is not `meant`, and at most two edits away from it.
+inline bool isMisspelling(std::string_view word, std::string_view meant)
+{
+    return word != meant && editDistance(word, meant) <= 2;
+}
+
 // The candidate that `word` was probably meant to be; empty if none is near.
 inline std::string nearestWord(std::string_view word, const std::vector<std::string> &candidates)
 {

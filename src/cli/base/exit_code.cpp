@@ -41,8 +41,8 @@ constexpr Meaning kMeanings[] = {
     {ExitCode::NoProgram, "run", "there is no such program"},
 };
 
-// What stands before the text: the options for a subcommand, all users for none. Nothing where the subcommand is not
-// among them.
+// The prefix of the text: the options for a subcommand, all users for none. Nothing where the subcommand is not among
+// them.
 std::optional<std::string_view> usersFor(const Meaning &meaning, std::string_view subcommand)
 {
     std::string_view users = meaning.users;

@@ -27,8 +27,8 @@ enum class ExitCode : int {
     NoProgram = 127,      // run
 };
 
-// What codes mean, each as "4" and "states that contradict the texture", in order: those that a subcommand can return,
-// or all, with the subcommands and options before the texts, if it is empty.
+// Codes and their meanings, as "4" and "states that contradict the texture", in order: those that a subcommand can
+// return, or all, with the subcommands and options before the texts, if it is empty.
 std::vector<std::pair<std::string, std::string>> exitCodesOf(std::string_view subcommand);
 
 // The code of a run in which both happened.

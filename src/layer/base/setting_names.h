@@ -14,6 +14,12 @@
 namespace vellum::layer
 {
 
+inline std::string inCapitals(std::string text)
+{
+    std::ranges::transform(text, text.begin(), [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+    return text;
+}
+
 // In the order of settings_table.h, as files and structures have them.
 inline std::vector<std::string> settingKeys()
 {
@@ -22,12 +28,11 @@ inline std::vector<std::string> settingKeys()
 #undef VELLUM_KEY
 }
 
-// What stands behind a prefix of variables: settings, and with VELLUM_ variables of the command and the Python package.
+// The names that follow a prefix of variables: settings, and with VELLUM_ those of the command and the Python package.
 inline std::vector<std::string> variableKeys(std::string_view prefix)
 {
     std::vector<std::string> keys = settingKeys();
-    for (std::string &key : keys)
-        std::ranges::transform(key, key.begin(), [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+    std::ranges::transform(keys, keys.begin(), inCapitals);
     if (prefix == "VELLUM_")
         keys.insert(keys.end(), {"CACHE", "FAIL_ON", "LIBRARY_PATH", "REQUIRE_CHECKS"});
     return keys;
