@@ -125,7 +125,6 @@ public:
     [[nodiscard]] VkPipelineLayout layout() const { return layout_; }
     [[nodiscard]] VkDescriptorSetLayout setLayout() const { return setLayout_; }
     [[nodiscard]] VkDescriptorSet set() const { return set_; }
-    [[nodiscard]] const Buffer &resultBuffer() const { return results_; }
     void clearResults();
 
 private:

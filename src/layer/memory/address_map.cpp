@@ -123,19 +123,18 @@ AddressMap::Location AddressMap::covering(VkDeviceAddress address, VkDeviceSize 
     return location;
 }
 
-AddressMap::Location AddressMap::onlyCovering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const
+VkBuffer AddressMap::onlyCovering(VkDeviceAddress address, VkDeviceSize size) const
 {
     std::shared_lock lock(mutex_);
-    Location location;
+    VkBuffer buffer = VK_NULL_HANDLE;
     uint32_t buffers = 0;
-    visitAt(address, [&](VkDeviceAddress begin, const Range &range) {
+    visitAt(address, [&](VkDeviceAddress, const Range &range) {
         if (range.end - address < size)
             return false;
-        if ((range.usage & usage) == usage)
-            location = locationOf(begin, range, address);
+        buffer = range.buffer;
         return ++buffers == 2;
     });
-    return buffers == 1 ? location : Location{};
+    return buffers == 1 ? buffer : VK_NULL_HANDLE;
 }
 
 AddressMap::Only AddressMap::only(VkDeviceAddress address, VkDeviceSize size) const

@@ -47,8 +47,8 @@ public:
     // addresses. The one that the application got an address from is unknown, and any that fits will do, as long as its
     // owner is kept.
     [[nodiscard]] Location covering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const;
-    // As above, if no other buffer contains the range; otherwise null.
-    [[nodiscard]] Location onlyCovering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const;
+    // The buffer that contains the whole range, if no other does; otherwise null.
+    [[nodiscard]] VkBuffer onlyCovering(VkDeviceAddress address, VkDeviceSize size) const;
     // The buffer that contains the whole range, if no other buffer has a part of it; otherwise null.
     struct Only {
         VkBuffer buffer = VK_NULL_HANDLE;

@@ -4,6 +4,7 @@
 #include <bit>
 
 #include "layer/validation/ranges/ranges.h"
+#include "layer/validation/rules/rule_check.h"
 
 namespace vellum::layer::ranges
 {
@@ -17,29 +18,6 @@ rules::Range withLeast(rules::Range range, VkDeviceSize least)
 {
     range.least = least;
     return range;
-}
-
-// The memory of a range: buffers may alias each other. Without a buffer, the range itself.
-struct MemoryRange {
-    VkDeviceMemory memory = VK_NULL_HANDLE;
-    uint64_t begin = 0, end = 0;
-    [[nodiscard]] bool overlaps(const MemoryRange &other) const
-    {
-        return memory == other.memory && begin < other.end && other.begin < end;
-    }
-};
-
-// `handle`: null if the buffer is not known.
-MemoryRange memoryOf(const DeviceModel &device, const VkDeviceAddressRangeKHR &range, VkBuffer handle)
-{
-    MemoryRange result{VK_NULL_HANDLE, range.address, range.address + range.size};
-    const auto buffer = handle ? device.objects.buffers.get(handle) : bufferAt(device, range.address);
-    if (buffer && buffer->memory) {
-        result.memory = buffer->memory;
-        result.begin = range.address - buffer->address + buffer->memoryOffset;
-        result.end = result.begin + range.size;
-    }
-    return result;
 }
 
 // A range of a copy.
@@ -94,8 +72,8 @@ bool checkCopy(DeviceModel &device, VkCommandBuffer commandBuffer, const VkCopyD
                                nullptr);
         ranges.checkProtection(place, "dstFlags", region.dstFlags, "VUID-vkCmdCopyMemoryKHR-commandBuffer-13013",
                                "VUID-vkCmdCopyMemoryKHR-commandBuffer-13014");
-        parts.push_back({memoryOf(device, region.srcRange, source), i, "srcRange"});
-        parts.push_back({memoryOf(device, region.dstRange, target), i, "dstRange"});
+        parts.push_back({memoryAt(device, region.srcRange.address, region.srcRange.size, source), i, "srcRange"});
+        parts.push_back({memoryAt(device, region.dstRange.address, region.dstRange.size, target), i, "dstRange"});
     }
     checkOverlap(ranges, info, std::move(parts));
     return ranges.isKept();

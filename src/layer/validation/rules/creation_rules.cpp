@@ -34,8 +34,8 @@ void checkRange(const RuleCheck &check, const VkDeviceAddressRangeKHR &range, Vk
 {
     // If several buffers are at the address, the host does not know which one the application means.
     const DeviceModel &device = check.device();
-    const AddressMap::Location only = device.buffers.addresses.onlyCovering(range.address, range.size, 0);
-    if (const auto buffer = only.buffer ? device.objects.buffers.get(only.buffer) : nullptr)
+    const VkBuffer only = device.buffers.addresses.onlyCovering(range.address, range.size);
+    if (const auto buffer = only ? device.objects.buffers.get(only) : nullptr)
         checkBuffer(check, *buffer, createFlags);
 }
 

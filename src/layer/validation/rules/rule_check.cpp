@@ -84,24 +84,15 @@ MemoryRange memoryOf(const ValidatedStructure *structure, VkDeviceSize bytes)
     return {structure->buffer->memory.load(), begin, begin + std::min(bytes, structure->size)};
 }
 
-MemoryRange memoryAt(const DeviceModel &device, VkDeviceAddress address, VkDeviceSize bytes)
+MemoryRange memoryAt(const DeviceModel &device, VkDeviceAddress address, VkDeviceSize bytes, VkBuffer known)
 {
-    const AddressMap::Location location = device.buffers.addresses.find(address);
-    const auto buffer = location.buffer ? device.objects.buffers.get(location.buffer) : nullptr;
-    if (!buffer || bytes == 0)
+    const auto buffer = known ? device.objects.buffers.get(known) : bufferAt(device, address);
+    if (bytes == 0)
         return {};
-    const VkDeviceSize begin = buffer->memoryOffset + location.offset;
+    if (!buffer || !buffer->memory)
+        return {VK_NULL_HANDLE, address, address + bytes};
+    const VkDeviceSize begin = address - buffer->address + buffer->memoryOffset;
     return {buffer->memory.load(), begin, begin + bytes};
-}
-
-void checkUsage(const RuleCheck &check, VkDeviceAddress address, VkFlags64 usage, const char *member, const char *vuid,
-                const char *usageName)
-{
-    const AddressMap &addresses = check.device().buffers.addresses;
-    const AddressMap::Location any = addresses.find(address);
-    if (any.buffer && !addresses.covering(address, 1, usage).buffer)
-        check.fault(member, vuid,
-                    "the buffer " + check.device().nameOf(any.buffer) + " was created without " + usageName);
 }
 
 bool checkMultiple(const RuleCheck &check, uint64_t value, uint64_t divisor, const char *member, const char *vuid)

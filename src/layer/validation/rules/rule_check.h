@@ -62,27 +62,26 @@ private:
 
 // A range of memory that an object or an address names.
 struct MemoryRange {
-    VkDeviceMemory memory = VK_NULL_HANDLE; // null: unknown
+    VkDeviceMemory memory = VK_NULL_HANDLE; // null: unknown, and the range is one of addresses, or empty
     VkDeviceSize begin = 0;
     VkDeviceSize end = 0;
 
     [[nodiscard]] bool overlaps(const MemoryRange &other) const
     {
-        return memory && memory == other.memory && begin < other.end && other.begin < end;
+        return memory == other.memory && begin < other.end && other.begin < end;
     }
 };
 // The first `bytes` bytes of a structure, at most its size.
 MemoryRange memoryOf(const ValidatedStructure *structure, VkDeviceSize bytes);
-MemoryRange memoryAt(const DeviceModel &device, VkDeviceAddress address, VkDeviceSize bytes);
+// Buffers may alias each other in memory. `known`: the buffer at the address, if it was looked up.
+MemoryRange memoryAt(const DeviceModel &device, VkDeviceAddress address, VkDeviceSize bytes,
+                     VkBuffer known = VK_NULL_HANDLE);
 
 // --- Rules that several commands have ---
 
 // Some buffer still has the address when the command buffer is executed.
 void checkWhenExecuted(DeviceModel &device, VkCommandBuffer commandBuffer, const AccessedAddress &accessed);
 
-// Some buffer at the address has the usage. Unknown addresses are not checked.
-void checkUsage(const RuleCheck &check, VkDeviceAddress address, VkFlags64 usage, const char *member, const char *vuid,
-                const char *usageName);
 bool checkMultiple(const RuleCheck &check, uint64_t value, uint64_t divisor, const char *member, const char *vuid);
 // The micromap or structure is constructed when the command is executed.
 void checkConstructed(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &structure, const char *vuid);
