@@ -1,8 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/base/driver.h"
 
+#include <cstring>
+
+#include "layer/base/pnext.h"
+
 namespace vellum::layer
 {
+
+bool enablesExtension(const VkDeviceCreateInfo &info, const char *extension)
+{
+    for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
+        if (std::strcmp(info.ppEnabledExtensionNames[i], extension) == 0)
+            return true;
+    }
+    return false;
+}
+
+bool isGroup(const VkDeviceCreateInfo &info)
+{
+    const auto *group =
+        findInChain<VkDeviceGroupDeviceCreateInfo>(info.pNext, VK_STRUCTURE_TYPE_DEVICE_GROUP_DEVICE_CREATE_INFO);
+    return group && group->physicalDeviceCount > 1;
+}
 
 VkDeviceAddress Driver::bufferAddress(VkBuffer buffer) const
 {

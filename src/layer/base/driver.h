@@ -16,6 +16,10 @@
 namespace vellum::layer
 {
 
+bool enablesExtension(const VkDeviceCreateInfo &info, const char *extension);
+// Returns whether the device consists of several physical devices.
+bool isGroup(const VkDeviceCreateInfo &info);
+
 // The features that the application enabled on a device that depends on the layer.
 struct EnabledFeatures {
     bool ext = false;             // VK_EXT_opacity_micromap

@@ -132,15 +132,6 @@ VkResult checkExtensions(Instance &instance, VkPhysicalDevice handle, const VkDe
     return VK_ERROR_EXTENSION_NOT_PRESENT;
 }
 
-// Returns whether a device consists of several physical devices. Each would have its own instance of the layer's
-// tables, which the host could not map (VUID-vkMapMemory-memory-00683).
-bool isGroup(const VkDeviceCreateInfo &info)
-{
-    const auto *group =
-        findInChain<VkDeviceGroupDeviceCreateInfo>(info.pNext, VK_STRUCTURE_TYPE_DEVICE_GROUP_DEVICE_CREATE_INFO);
-    return group && group->physicalDeviceCount > 1;
-}
-
 // The beginning of the paths of the files that keep the addresses of tables for this device and driver
 // (memory/kept_addresses.h); empty if they are not kept.
 std::string keptAddresses(const Settings &settings, const PhysicalDevice &physical)
@@ -255,6 +246,8 @@ VkResult DeviceCreation::prepare()
     const VkResult result = checkExtensions(instance_, physicalHandle_, info_, physical_->have, driver);
     if (result != VK_SUCCESS || !driver.providesMicromaps())
         return result;
+    // Each physical device would have its own instance of the layer's tables, which the host could not map
+    // (VUID-vkMapMemory-memory-00683).
     if (isGroup(info_)) {
         instance_.report.error("VELLUM-device-features",
                                "micromaps are not available on a device of several physical devices "

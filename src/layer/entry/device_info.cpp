@@ -19,15 +19,6 @@ const T *featuresIn(const VkDeviceCreateInfo &info, VkStructureType type)
 
 } // namespace
 
-bool enablesExtension(const VkDeviceCreateInfo &info, const char *extension)
-{
-    for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
-        if (std::strcmp(info.ppEnabledExtensionNames[i], extension) == 0)
-            return true;
-    }
-    return false;
-}
-
 EnabledFeatures enabledFeatures(const VkDeviceCreateInfo &info)
 {
     EnabledFeatures enabled;

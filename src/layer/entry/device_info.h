@@ -14,8 +14,6 @@
 namespace vellum::layer
 {
 
-bool enablesExtension(const VkDeviceCreateInfo &info, const char *extension);
-
 EnabledFeatures enabledFeatures(const VkDeviceCreateInfo &info);
 
 // Returns whether the application captures and replays device addresses.

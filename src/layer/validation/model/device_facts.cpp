@@ -2,7 +2,6 @@
 #include "layer/validation/model/device_facts.h"
 
 #include <algorithm>
-#include <cstring>
 
 #include "layer/base/driver.h"
 #include "layer/base/pnext.h"
@@ -12,15 +11,6 @@ namespace vellum::layer
 {
 namespace
 {
-
-bool enables(const VkDeviceCreateInfo &info, const char *extension)
-{
-    for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
-        if (std::strcmp(info.ppEnabledExtensionNames[i], extension) == 0)
-            return true;
-    }
-    return false;
-}
 
 // Returns whether the chain enables a feature by either of two structures.
 template <typename First, typename Second>
@@ -78,13 +68,13 @@ DeviceFacts factsOf(const Driver &driver, const VkDeviceCreateInfo &info)
                                    VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_4_FEATURES,
                                    &VkPhysicalDeviceVulkan14Features::indexTypeUint8);
     facts.drawIndirectCount =
-        (core12 && core12->drawIndirectCount) || enables(info, VK_KHR_DRAW_INDIRECT_COUNT_EXTENSION_NAME);
+        (core12 && core12->drawIndirectCount) || enablesExtension(info, VK_KHR_DRAW_INDIRECT_COUNT_EXTENSION_NAME);
     facts.synchronization2 = enables(info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SYNCHRONIZATION_2_FEATURES,
                                      &VkPhysicalDeviceSynchronization2Features::synchronization2,
                                      VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES,
                                      &VkPhysicalDeviceVulkan13Features::synchronization2);
-    facts.maintenance9 = enables(info, "VK_KHR_maintenance9");
-    facts.maintenance11 = enables(info, "VK_KHR_maintenance11");
+    facts.maintenance9 = enablesExtension(info, "VK_KHR_maintenance9");
+    facts.maintenance11 = enablesExtension(info, "VK_KHR_maintenance11");
     const auto *addresses = findInChain<VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR>(
         info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
     facts.addressCommands = addresses && addresses->deviceAddressCommands;
@@ -102,10 +92,8 @@ DeviceFacts factsOf(const Driver &driver, const VkDeviceCreateInfo &info)
         "VK_NV_win32_keyed_mutex",       "VK_NV_external_sci_sync",      "VK_NV_external_sci_sync2",
         "VK_GOOGLE_display_timing",      "VK_EXT_present_timing"};
     facts.waitsElsewhere =
-        std::ranges::any_of(kWaits, [&info](const char *extension) { return enables(info, extension); });
-    const auto *group =
-        findInChain<VkDeviceGroupDeviceCreateInfo>(info.pNext, VK_STRUCTURE_TYPE_DEVICE_GROUP_DEVICE_CREATE_INFO);
-    facts.isGroup = group && group->physicalDeviceCount > 1;
+        std::ranges::any_of(kWaits, [&info](const char *extension) { return enablesExtension(info, extension); });
+    facts.isGroup = isGroup(info);
     facts.storingStages = storingStages(info);
     if (driver.instance->GetPhysicalDeviceProperties2)
         readLimits(driver, facts);

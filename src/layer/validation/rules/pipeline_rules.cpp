@@ -18,14 +18,6 @@ namespace
 constexpr VkFlags64 kMicromapFlags = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
 constexpr VkFlags64 kNoMicromaps = VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM;
 
-template <typename Info>
-VkFlags64 flagsOf(const Info &info)
-{
-    const auto *flags2 = findInChain<VkPipelineCreateFlags2CreateInfoKHR>(
-        info.pNext, VK_STRUCTURE_TYPE_PIPELINE_CREATE_FLAGS_2_CREATE_INFO_KHR);
-    return flags2 ? flags2->flags : info.flags;
-}
-
 std::vector<spirv::EntryPoint> entryPointsOf(std::span<const uint32_t> words)
 {
     std::string error;
@@ -84,7 +76,7 @@ input::Pipelines checkPipelines(DeviceModel &device, uint32_t count, const VkCom
     const Place command("vkCreateComputePipelines");
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
         const Place place = command.element("pCreateInfos", i);
-        const VkFlags64 flags = flagsOf(infos[i]);
+        const VkFlags64 flags = pipelineFlags(infos[i].pNext, infos[i].flags);
         checkFlags(device, place, flags, "VUID-VkComputePipelineCreateInfo-flags-07367");
         checkStage(device, place.member("stage"), infos[i].stage, flags);
     }
@@ -96,15 +88,9 @@ input::Pipelines checkPipelines(DeviceModel &device, uint32_t count, const VkGra
     const Place command("vkCreateGraphicsPipelines");
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
         const Place place = command.element("pCreateInfos", i);
-        const VkFlags64 flags = flagsOf(infos[i]);
+        const VkFlags64 flags = pipelineFlags(infos[i].pNext, infos[i].flags);
         checkFlags(device, place, flags, "VUID-VkGraphicsPipelineCreateInfo-flags-07401");
-        // A library without shaders ignores pStages, which may be invalid.
-        const auto *library = findInChain<VkGraphicsPipelineLibraryCreateInfoEXT>(
-            infos[i].pNext, VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_LIBRARY_CREATE_INFO_EXT);
-        constexpr VkGraphicsPipelineLibraryFlagsEXT kWithShaders =
-            VK_GRAPHICS_PIPELINE_LIBRARY_PRE_RASTERIZATION_SHADERS_BIT_EXT |
-            VK_GRAPHICS_PIPELINE_LIBRARY_FRAGMENT_SHADER_BIT_EXT;
-        const bool hasStages = infos[i].pStages && (!library || (library->flags & kWithShaders) != 0);
+        const bool hasStages = infos[i].pStages && hasShaderStages(infos[i]);
         for (uint32_t s = 0; hasStages && s < infos[i].stageCount; ++s)
             checkStage(device, place.element("pStages", s), infos[i].pStages[s], flags);
     }
@@ -116,7 +102,7 @@ input::Pipelines checkPipelines(DeviceModel &device, uint32_t count, const VkRay
     const Place command("vkCreateRayTracingPipelinesKHR");
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
         const Place place = command.element("pCreateInfos", i);
-        const VkFlags64 flags = flagsOf(infos[i]);
+        const VkFlags64 flags = pipelineFlags(infos[i].pNext, infos[i].flags);
         if ((flags & kMicromapFlags) != 0 && (flags & kNoMicromaps) != 0)
             device.fault(place.member("flags"), "VUID-VkRayTracingPipelineCreateInfoKHR-flags-10392",
                          "both RAY_TRACING_OPACITY_MICROMAP and DISALLOW_OPACITY_MICROMAP");
@@ -159,7 +145,7 @@ void keepLibraries(DeviceModel &device, uint32_t count, const VkRayTracingPipeli
                    const VkPipeline *pipelines)
 {
     for (uint32_t i = 0; i < count; ++i) {
-        const VkFlags64 flags = flagsOf(infos[i]);
+        const VkFlags64 flags = pipelineFlags(infos[i].pNext, infos[i].flags);
         if (pipelines[i] && (flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0)
             device.objects.pipelines.libraries.set(pipelines[i], flags);
     }
