@@ -19,7 +19,6 @@
 #include "layer/query_pool/device_query_pools.h"
 #include "layer/rules/copies.h"
 #include "layer/structures/exact_size_handle.h"
-#include "layer/structures/structure_size.h"
 
 namespace vellum::layer
 {

@@ -3,7 +3,7 @@
 //
 // A pool of micromap sizes has the handle of a driver's pool of a type that every driver supports, and which is never
 // used: names, private data and destruction of the handle then need no special treatment. A pool of acceleration
-// structure sizes is the driver's. Each answer of the driver is copied and corrected (structures/structure_size.h),
+// structure sizes is the driver's. Each answer of the driver is copied and corrected (structures/structure_size.comp),
 // because the records of micromaps are in the structure's memory, and the driver does not know them. Values and
 // availability of both kinds of pools are in host-visible memory.
 //

@@ -4,20 +4,48 @@
 #include <algorithm>
 
 #include "core/curve.h"
+#include "core/records.h"
 #include "layer/micromaps/micromap_build.h"
 #include "layer/micromaps/micromap_copy.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/exact_size_handle.h"
-#include "layer/structures/structure_build.h"
-#include "layer/structures/structure_copy.h"
 #include "layer/structures/structure_layout.h"
-#include "layer/structures/structure_serialize.h"
-#include "layer/structures/structure_size.h"
 
 namespace vellum::layer
 {
+namespace
+{
 
 using namespace shared;
+
+// kProperty* of a type of query; ~0: another type.
+uint32_t propertyOf(VkQueryType type)
+{
+    switch (type) {
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR: return kPropertyCompactedSize;
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR: return kPropertySerializationSize;
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR: return kPropertySize;
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_BOTTOM_LEVEL_POINTERS_KHR: return kPropertyPointers;
+    default: return UINT32_MAX;
+    }
+}
+
+// Corrects the driver's answer about a structure that is not a micromap.
+void recordStructureProperty(InjectedWork &work, DeviceStructures &device, const Backend::Property &property)
+{
+    StructureSizePush push{};
+    push.descriptor = descriptorOf(device.objects, property.structure).address;
+    push.begin = beginOf(device.driver, property.structure);
+    push.value = property.address;
+    push.structureUnits = unitsOf(property.structure.size);
+    push.property = propertyOf(property.type);
+    if (push.property == kPropertySerializationSize)
+        push.wholeCopies = fallbackStructure(device).wholeCopies;
+    if (push.descriptor)
+        work.dispatch(InjectedShader::StructureSize, push, 1, 1);
+}
+
+} // namespace
 
 bool EmulatedBackend::begin(VkCommandBuffer commandBuffer, const char *command)
 {
@@ -60,11 +88,6 @@ void EmulatedBackend::getSizes(VkAccelerationStructureBuildTypeKHR type, Structu
     }
 }
 
-void EmulatedBackend::record(VkCommandBuffer commandBuffer, const char *command, std::vector<StructureBuild> builds)
-{
-    recordStructureBuilds(device_, commandBuffer, command, std::move(builds));
-}
-
 VkAccelerationStructureKHR EmulatedBackend::driverHandle(AccelerationStructure &structure)
 {
     return exactSizeHandle(device_, structure);
@@ -73,7 +96,7 @@ VkAccelerationStructureKHR EmulatedBackend::driverHandle(AccelerationStructure &
 void EmulatedBackend::recordCorrection(InjectedWork &work, const Property &property)
 {
     if (!property.micromap)
-        return recordStructureProperty(work, device_, property.structure, property.type, property.address);
+        return recordStructureProperty(work, device_, property);
     switch (property.type) {
     case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR:
         return recordMicromapProperty(work, device_.driver, micromapIn(property.structure), kQueryMicromapSerialized,
@@ -86,32 +109,6 @@ void EmulatedBackend::recordCorrection(InjectedWork &work, const Property &prope
     default: // the bottom-level pointers of a top-level structure: the query was reset to none
         return;
     }
-}
-
-VkDeviceSize EmulatedBackend::cloneBytes(const StructureCopy &copy)
-{
-    return layer::cloneBytes(device_, copy);
-}
-
-void EmulatedBackend::record(VkCommandBuffer commandBuffer, const StructureCopy &copy)
-{
-    recordStructureCopy(device_, commandBuffer, copy);
-}
-
-void EmulatedBackend::recordSave(VkCommandBuffer commandBuffer, const SerializedCopy &copy)
-{
-    recordStructureSave(device_, commandBuffer, copy);
-}
-
-void EmulatedBackend::recordRestore(VkCommandBuffer commandBuffer, const SerializedCopy &copy)
-{
-    recordStructureRestore(device_, commandBuffer, copy);
-}
-
-VkAccelerationStructureCompatibilityKHR
-EmulatedBackend::compatibility(const VkAccelerationStructureVersionInfoKHR &info)
-{
-    return structureCompatibility(device_, info);
 }
 
 } // namespace vellum::layer

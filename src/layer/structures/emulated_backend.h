@@ -34,14 +34,17 @@ public:
     void addressTaken(AccelerationStructure &structure) override;
     void getSizes(VkAccelerationStructureBuildTypeKHR type, StructureBuild &build, const uint32_t *primitives,
                   VkAccelerationStructureBuildSizesInfoKHR &sizes) override;
+    // structure_build.cpp
     void record(VkCommandBuffer commandBuffer, const char *command, std::vector<StructureBuild> builds) override;
 
     VkAccelerationStructureKHR driverHandle(AccelerationStructure &structure) override;
     void recordMicromapAnswer(VkCommandBuffer, const Property &) override {}
     void recordCorrection(InjectedWork &work, const Property &property) override;
 
+    // structure_copy.cpp
     [[nodiscard]] VkDeviceSize cloneBytes(const StructureCopy &copy) override;
     void record(VkCommandBuffer commandBuffer, const StructureCopy &copy) override;
+    // structure_serialize.cpp
     void recordSave(VkCommandBuffer commandBuffer, const SerializedCopy &copy) override;
     [[nodiscard]] VkAccelerationStructureCompatibilityKHR
     compatibility(const VkAccelerationStructureVersionInfoKHR &info) override;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/structures/structure_build.h"
-
+// Builds and updates of acceleration structures with emulated micromaps: the driver's builds, the instances that it
+// builds from, and the records behind its structures.
 #include <algorithm>
 #include <array>
 #include <cstring>
@@ -14,6 +14,7 @@
 #include "layer/rules/builds.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/driver_builds.h"
+#include "layer/structures/emulated_backend.h"
 #include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_layout.h"
 #include "layer/structures/top_level_instances.h"
@@ -476,10 +477,9 @@ private:
 
 } // namespace
 
-void recordStructureBuilds(DeviceStructures &device, VkCommandBuffer commandBuffer, const char *command,
-                           std::vector<StructureBuild> builds)
+void EmulatedBackend::record(VkCommandBuffer commandBuffer, const char *command, std::vector<StructureBuild> builds)
 {
-    Build(device, commandBuffer, command, std::move(builds)).record();
+    Build(device_, commandBuffer, command, std::move(builds)).record();
 }
 
 } // namespace vellum::layer

@@ -9,6 +9,7 @@
 #include "layer/micromaps/micromap_copy.h"
 #include "layer/rules/ids.h"
 #include "layer/structures/device_structures.h"
+#include "layer/structures/emulated_backend.h"
 #include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_layout.h"
 #include "layer/structures/top_level_instances.h"
@@ -140,7 +141,7 @@ uint64_t copyInvocations(VkDeviceSize bytes)
     return std::clamp<uint64_t>(bytes / kBytesPerInvocation, 64, 16384);
 }
 
-VkDeviceSize cloneBytes(const DeviceStructures &device, const StructureCopy &copy)
+VkDeviceSize EmulatedBackend::cloneBytes(const StructureCopy &copy)
 {
     // Only the device knows how many bytes of a micromap are in use.
     if (copy.isMicromap())
@@ -148,42 +149,42 @@ VkDeviceSize cloneBytes(const DeviceStructures &device, const StructureCopy &cop
     // With VK_KHR_ray_tracing_maintenance1 the size is the one that a query reports; the size of a GENERIC structure's
     // handle states nothing.
     const bool unknown =
-        device.driver.queriesStructureSize || copy.source->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+        device_.driver.queriesStructureSize || copy.source->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     // Only the device knows how many instances a top level has that was deserialized or built indirectly.
     if (unknown && copy.type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR)
         return 0;
     return unknown ? std::min(copy.source->size, lastBytes(*copy.source)) : copy.source->size;
 }
 
-void recordStructureCopy(DeviceStructures &device, VkCommandBuffer commandBuffer, const StructureCopy &copy)
+void EmulatedBackend::record(VkCommandBuffer commandBuffer, const StructureCopy &copy)
 {
     AccelerationStructure &source = *copy.source, &target = *copy.target;
     if (copy.isMicromap()) {
-        becomeMicromap(device.objects, target);
-        return recordMicromapCopy(device.micromaps, commandBuffer, kCommand, micromapIn(source), micromapIn(target));
+        becomeMicromap(device_.objects, target);
+        return recordMicromapCopy(device_.micromaps, commandBuffer, kCommand, micromapIn(source), micromapIn(target));
     }
-    const StructureDescriptor sourceDescriptor = descriptorOf(device.objects, source);
-    const StructureDescriptor targetDescriptor = descriptorOf(device.objects, target);
+    const StructureDescriptor sourceDescriptor = descriptorOf(device_.objects, source);
+    const StructureDescriptor targetDescriptor = descriptorOf(device_.objects, target);
     if (!sourceDescriptor.address || !targetDescriptor.address) {
-        rejectCommand(device.driver, kCommand, target.handle, "VELLUM-out-of-memory",
+        rejectCommand(device_.driver, kCommand, target.handle, "VELLUM-out-of-memory",
                       "no memory for the layer's tables");
         return;
     }
-    if (const auto state = device.commands.states.get(commandBuffer))
+    if (const auto state = device_.commands.states.get(commandBuffer))
         state->scratch.restart();
-    InjectedWork work(device.commands, commandBuffer);
+    InjectedWork work(device_.commands, commandBuffer);
     const bool top = copy.type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
     if (!(top ? work.prepare(InjectedShader::TlasGather) && work.prepare(InjectedShader::TlasInstances)
               : work.prepare(InjectedShader::StructureCopy)))
         return;
     work.barrier();
     if (top) {
-        const TopLevelLayout layout(device.driver, kTopLevelCopyFlags, mostInstances(device, source, target));
-        recordTopLevelCopy(work, device, commandBuffer, kCommand, target, sourceDescriptor.address, layout,
+        const TopLevelLayout layout(device_.driver, kTopLevelCopyFlags, mostInstances(device_, source, target));
+        recordTopLevelCopy(work, device_, commandBuffer, kCommand, target, sourceDescriptor.address, layout,
                            kFromStructure);
         keepCount(source, target);
     } else {
-        recordBottomLevelCopy(work, device, commandBuffer, copy, sourceDescriptor.address, targetDescriptor.address);
+        recordBottomLevelCopy(work, device_, commandBuffer, copy, sourceDescriptor.address, targetDescriptor.address);
     }
 }
 

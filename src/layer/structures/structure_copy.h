@@ -16,10 +16,6 @@ namespace vellum::layer
 struct DeviceStructures;
 struct TopLevelLayout;
 
-// The size that the target of a clone needs at least, as far as the host knows.
-VkDeviceSize cloneBytes(const DeviceStructures &device, const StructureCopy &copy);
-void recordStructureCopy(DeviceStructures &device, VkCommandBuffer commandBuffer, const StructureCopy &copy);
-
 // Invocations of injected work that runs over a whole structure: enough to keep a GPU busy, few for a small one.
 uint64_t copyInvocations(VkDeviceSize bytes);
 

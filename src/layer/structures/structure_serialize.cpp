@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/structures/structure_serialize.h"
-
+// Serialization and deserialization of acceleration structures with emulated micromaps (layouts: core/records.h). The
+// driver reads and writes memory of the layer; shaders move the data to and from the application's memory, because they
+// know where its buffer ends, and check everything that they read there.
+//
+// The data states what it holds. A structure of type GENERIC does not state what it was made for: its handle may have
+// any size. For such a target everything is recorded that the data can need, and the device decides which of it has an
+// effect.
 #include <algorithm>
 #include <array>
 #include <cstring>
@@ -12,6 +17,7 @@
 #include "layer/micromaps/micromap_serialized.h"
 #include "layer/rules/ids.h"
 #include "layer/structures/device_structures.h"
+#include "layer/structures/emulated_backend.h"
 #include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_copy.h"
 #include "layer/structures/structure_layout.h"
@@ -309,30 +315,30 @@ struct Restore {
 
 } // namespace
 
-void recordStructureSave(DeviceStructures &device, VkCommandBuffer commandBuffer, const SerializedCopy &copy)
+void EmulatedBackend::recordSave(VkCommandBuffer commandBuffer, const SerializedCopy &copy)
 {
     AccelerationStructure &source = *copy.structure;
     if (copy.content == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
-        return recordMicromapSave(device.micromaps, commandBuffer, micromapIn(source), copy.data);
-    const auto state = device.commands.states.get(commandBuffer);
-    const StructureDescriptor descriptor = descriptorOf(device.objects, source);
-    if (!state || !descriptor.address || fallbackStructure(device).units == 0) {
-        device.driver.report().notAvailable(
+        return recordMicromapSave(device_.micromaps, commandBuffer, micromapIn(source), copy.data);
+    const auto state = device_.commands.states.get(commandBuffer);
+    const StructureDescriptor descriptor = descriptorOf(device_.objects, source);
+    if (!state || !descriptor.address || fallbackStructure(device_).units == 0) {
+        device_.driver.report().notAvailable(
             "vkCmdCopyAccelerationStructureToMemoryKHR without memory for the layer's tables,");
         return;
     }
-    InjectedWork work(device.commands, commandBuffer);
+    InjectedWork work(device_.commands, commandBuffer);
     work.barrier();
     if (copy.content == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR)
-        saveTopLevel(work, device, source, descriptor.address, copy.data);
+        saveTopLevel(work, device_, source, descriptor.address, copy.data);
     else
-        saveBottomLevel(work, device, commandBuffer, *state, source, descriptor.address, copy.data);
+        saveBottomLevel(work, device_, commandBuffer, *state, source, descriptor.address, copy.data);
 }
 
-VkAccelerationStructureCompatibilityKHR structureCompatibility(DeviceStructures &device,
-                                                               const VkAccelerationStructureVersionInfoKHR &info)
+VkAccelerationStructureCompatibilityKHR
+EmulatedBackend::compatibility(const VkAccelerationStructureVersionInfoKHR &info)
 {
-    const SerializedMicromapHeader micromap = serializedHeader(device.driver.driverUuid, 0);
+    const SerializedMicromapHeader micromap = serializedHeader(device_.driver.driverUuid, 0);
     if (std::memcmp(info.pVersionData, &micromap, 2 * VK_UUID_SIZE) == 0)
         return VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR;
     // The driver decides whether it can read the data. Data of the driver alone is not compatible.
@@ -343,24 +349,24 @@ VkAccelerationStructureCompatibilityKHR structureCompatibility(DeviceStructures 
     VkAccelerationStructureVersionInfoKHR driverInfo = info;
     driverInfo.pVersionData = reinterpret_cast<const uint8_t *>(words);
     VkAccelerationStructureCompatibilityKHR result = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
-    device.driver.next.GetDeviceAccelerationStructureCompatibilityKHR(device.driver.handle, &driverInfo, &result);
+    device_.driver.next.GetDeviceAccelerationStructureCompatibilityKHR(device_.driver.handle, &driverInfo, &result);
     if (result != VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR)
         return result;
-    const FallbackFacts fallback = fallbackStructure(device);
+    const FallbackFacts fallback = fallbackStructure(device_);
     const bool same = fallback.units != 0 && std::memcmp(words, fallback.words, sizeof words) == 0;
     return same ? VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR
                 : VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
 }
 
-void recordStructureRestore(DeviceStructures &device, VkCommandBuffer commandBuffer, const SerializedCopy &copy)
+void EmulatedBackend::recordRestore(VkCommandBuffer commandBuffer, const SerializedCopy &copy)
 {
     AccelerationStructure &target = *copy.structure;
     if (isLayerObject(target)) {
-        becomeMicromap(device.objects, target);
-        return recordMicromapRestore(device.micromaps, commandBuffer, micromapIn(target), copy.data);
+        becomeMicromap(device_.objects, target);
+        return recordMicromapRestore(device_.micromaps, commandBuffer, micromapIn(target), copy.data);
     }
-    const auto state = device.commands.states.get(commandBuffer);
-    const Restore restore{device, commandBuffer, copy.data, &target, state};
+    const auto state = device_.commands.states.get(commandBuffer);
+    const Restore restore{device_, commandBuffer, copy.data, &target, state};
     if (restore.check())
         restore.record();
 }
