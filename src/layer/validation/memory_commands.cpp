@@ -5,6 +5,21 @@
 
 namespace vellum::layer::validation
 {
+namespace
+{
+
+// An indirect draw by address.
+template <typename Info>
+void draw(DeviceValidation &device, VkCommandBuffer commandBuffer, const Info *info, ranges::DrawKind kind,
+          const char *command, void (VKAPI_PTR *DeviceTable::*next)(VkCommandBuffer, const Info *))
+{
+    const CheckedRanges checked(device, commandBuffer,
+                                [&] { return ranges::checkDraw(device, commandBuffer, kind, *info); });
+    runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, command);
+    (device.next.*next)(commandBuffer, info);
+}
+
+} // namespace
 
 void cmdCopyBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer, VkBuffer from, VkBuffer to, uint32_t count,
                    const VkBufferCopy *regions)
@@ -115,61 +130,43 @@ void cmdBindVertexBuffers3(DeviceValidation &device, VkCommandBuffer commandBuff
 
 void cmdDrawIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
 {
-    const CheckedRanges checked(device, commandBuffer, [&] {
-        return ranges::checkDraw(device, commandBuffer, ranges::DrawKind::Vertices, *info);
-    });
-    runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndirect2KHR");
-    device.next.CmdDrawIndirect2KHR(commandBuffer, info);
+    draw(device, commandBuffer, info, ranges::DrawKind::Vertices, "vkCmdDrawIndirect2KHR",
+         &DeviceTable::CmdDrawIndirect2KHR);
 }
 
 void cmdDrawIndexedIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer,
                              const VkDrawIndirect2InfoKHR *info)
 {
-    const CheckedRanges checked(device, commandBuffer, [&] {
-        return ranges::checkDraw(device, commandBuffer, ranges::DrawKind::Indexed, *info);
-    });
-    runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndexedIndirect2KHR");
-    device.next.CmdDrawIndexedIndirect2KHR(commandBuffer, info);
+    draw(device, commandBuffer, info, ranges::DrawKind::Indexed, "vkCmdDrawIndexedIndirect2KHR",
+         &DeviceTable::CmdDrawIndexedIndirect2KHR);
 }
 
 void cmdDrawMeshTasksIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer,
                                const VkDrawIndirect2InfoKHR *info)
 {
-    const CheckedRanges checked(device, commandBuffer, [&] {
-        return ranges::checkDraw(device, commandBuffer, ranges::DrawKind::MeshTasks, *info);
-    });
-    runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawMeshTasksIndirect2EXT");
-    device.next.CmdDrawMeshTasksIndirect2EXT(commandBuffer, info);
+    draw(device, commandBuffer, info, ranges::DrawKind::MeshTasks, "vkCmdDrawMeshTasksIndirect2EXT",
+         &DeviceTable::CmdDrawMeshTasksIndirect2EXT);
 }
 
 void cmdDrawIndirectCount2(DeviceValidation &device, VkCommandBuffer commandBuffer,
                            const VkDrawIndirectCount2InfoKHR *info)
 {
-    const CheckedRanges checked(device, commandBuffer, [&] {
-        return ranges::checkDraw(device, commandBuffer, ranges::DrawKind::Vertices, *info);
-    });
-    runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndirectCount2KHR");
-    device.next.CmdDrawIndirectCount2KHR(commandBuffer, info);
+    draw(device, commandBuffer, info, ranges::DrawKind::Vertices, "vkCmdDrawIndirectCount2KHR",
+         &DeviceTable::CmdDrawIndirectCount2KHR);
 }
 
 void cmdDrawIndexedIndirectCount2(DeviceValidation &device, VkCommandBuffer commandBuffer,
                                   const VkDrawIndirectCount2InfoKHR *info)
 {
-    const CheckedRanges checked(device, commandBuffer, [&] {
-        return ranges::checkDraw(device, commandBuffer, ranges::DrawKind::Indexed, *info);
-    });
-    runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndexedIndirectCount2KHR");
-    device.next.CmdDrawIndexedIndirectCount2KHR(commandBuffer, info);
+    draw(device, commandBuffer, info, ranges::DrawKind::Indexed, "vkCmdDrawIndexedIndirectCount2KHR",
+         &DeviceTable::CmdDrawIndexedIndirectCount2KHR);
 }
 
 void cmdDrawMeshTasksIndirectCount2(DeviceValidation &device, VkCommandBuffer commandBuffer,
                                     const VkDrawIndirectCount2InfoKHR *info)
 {
-    const CheckedRanges checked(device, commandBuffer, [&] {
-        return ranges::checkDraw(device, commandBuffer, ranges::DrawKind::MeshTasks, *info);
-    });
-    runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawMeshTasksIndirectCount2EXT");
-    device.next.CmdDrawMeshTasksIndirectCount2EXT(commandBuffer, info);
+    draw(device, commandBuffer, info, ranges::DrawKind::MeshTasks, "vkCmdDrawMeshTasksIndirectCount2EXT",
+         &DeviceTable::CmdDrawMeshTasksIndirectCount2EXT);
 }
 
 void cmdDispatchIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer,
