@@ -11,7 +11,7 @@ CHECK = pathlib.Path(__file__).resolve().with_name("check_commands.py")
 
 
 def run(*names, returned="1, 4, 300"):
-    rows = "".join(f"VELLUM_DEVICE({name}, Device, function, none)\n" for name in names)
+    rows = "".join(f"VELLUM_DEVICE({name}, Device, function)\n" for name in names)
     with tempfile.TemporaryDirectory() as folder:
         root = pathlib.Path(folder)
         for name, text in {"src/layer/base/commands.inc": rows,

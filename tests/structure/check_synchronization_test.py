@@ -29,7 +29,7 @@ REGISTRY = """<registry>
 </extensions>
 </registry>
 """
-ROWS = """VELLUM_DEVICE(QueueOne, Emulated, queueOne, none)
+ROWS = """VELLUM_DEVICE(QueueOne, Emulated, queueOne)
 VELLUM_DEVICE(CmdStage, Emulated, cmdStage, cmdStage)
 VELLUM_DEVICE(QueueThree, Never, none, queueThree)
 """

@@ -83,15 +83,8 @@ struct Validated<name, function> {
 
 // A command without function.
 inline constexpr std::nullptr_t none = nullptr;
-namespace validation
-{
-inline constexpr std::nullptr_t none = nullptr;
-}
 template <>
 struct Command<none> {
-};
-template <CommandName name>
-struct Validated<name, none> {
 };
 
 template <typename Called>

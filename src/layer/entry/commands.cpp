@@ -45,21 +45,24 @@ enum class Scope {
 struct Row {
     const char *command; // name in the registry
     Scope scope;
-    PFN_vkVoidFunction function;    // of the implementation; may be null
-    PFN_vkVoidFunction validation;  // validates the command and calls the implementation; may be null
-    std::string_view required = {}; // the function is there only if the driver has this command
+    PFN_vkVoidFunction function;             // of the implementation; may be null
+    PFN_vkVoidFunction validation = nullptr; // validates the command and calls the implementation; may be null
+    std::string_view required = {};          // the function is there only if the driver has this command
 };
 
 // Sorted by command.
 const auto kRows = [] {
     auto rows = std::to_array<Row>({
-#define VELLUM_GLOBAL(command, function) {"vk" #command, Scope::Global, functionOf<Command<function>>(), nullptr},
+#define VELLUM_GLOBAL(command, function) {"vk" #command, Scope::Global, functionOf<Command<function>>()},
 #define VELLUM_INSTANCE(command, scope, function)                                                                      \
-    {commandOf("vk" #command), Scope::scope, functionOf<Command<function>>(), nullptr},
-#define VELLUM_DEVICE(command, scope, function, validator, ...)                                                        \
-    {commandOf("vk" #command), Scope::scope, functionOf<Command<function>>(),                                          \
-     functionOf<Validated<"vk" #command, validation::validator>>() __VA_OPT__(, "vk" #__VA_ARGS__)},
+    {commandOf("vk" #command), Scope::scope, functionOf<Command<function>>()},
+#define VELLUM_VALIDATION(command, validator, ...)                                                                     \
+    functionOf<Validated<"vk" #command, validation::validator>>() __VA_OPT__(, "vk" #__VA_ARGS__)
+#define VELLUM_DEVICE(command, scope, function, ...)                                                                   \
+    {commandOf("vk" #command), Scope::scope,                                                                           \
+     functionOf<Command<function>>() __VA_OPT__(, VELLUM_VALIDATION(command, __VA_ARGS__))},
 #include "layer/base/commands.inc"
+#undef VELLUM_VALIDATION
     });
     std::ranges::sort(rows, {}, [](const Row &row) { return std::string_view(row.command); });
     return rows;

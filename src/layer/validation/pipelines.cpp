@@ -159,6 +159,8 @@ VkResult getShaderBinaryData(DeviceValidation &device, VkDevice handle, VkShader
     return VK_ERROR_OUT_OF_HOST_MEMORY;
 }
 
+// These run what is bound, except with a set of pipelines or shader objects, of which the device chooses.
+
 void cmdExecuteGeneratedCommandsNV(DeviceValidation &device, VkCommandBuffer commandBuffer, VkBool32 isPreprocessed,
                                    const VkGeneratedCommandsInfoNV *info)
 {
