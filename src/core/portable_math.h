@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 
 namespace vellum
 {
@@ -15,6 +16,17 @@ inline int ceilLog2(double x)
 {
     int exponent = 0;
     return std::frexp(x, &exponent) == 0.5 ? exponent - 1 : exponent;
+}
+
+// The least float that is not below `value`, so that comparing floats with it is comparing them with `value`.
+inline float floatAtLeast(double value)
+{
+    if (value > double{std::numeric_limits<float>::max()})
+        return std::numeric_limits<float>::infinity();
+    if (value < -double{std::numeric_limits<float>::max()})
+        return -std::numeric_limits<float>::max();
+    const auto rounded = static_cast<float>(value);
+    return double{rounded} >= value ? rounded : std::nextafter(rounded, std::numeric_limits<float>::infinity());
 }
 
 struct SineCosine {

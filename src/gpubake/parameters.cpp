@@ -3,9 +3,9 @@
 
 #include <bit>
 #include <cmath>
-#include <limits>
 
 #include "core/micromap.h"
+#include "core/portable_math.h"
 
 namespace vellum::gpubake
 {
@@ -17,20 +17,9 @@ using namespace vellum::shared;
 constexpr uint32_t kMostTexels = 65536;
 constexpr uint32_t kMostTriangles = 1u << 24;
 
-// The least float that is not below `value`.
-float atLeast(double value)
-{
-    if (value > double{std::numeric_limits<float>::max()})
-        return std::numeric_limits<float>::infinity();
-    if (value < -double{std::numeric_limits<float>::max()})
-        return -std::numeric_limits<float>::max();
-    const auto rounded = static_cast<float>(value);
-    return double{rounded} >= value ? rounded : std::nextafter(rounded, std::numeric_limits<float>::infinity());
-}
-
 bool usableTolerance(double tolerance)
 {
-    return tolerance >= 0 && std::isfinite(atLeast(tolerance));
+    return tolerance >= 0 && std::isfinite(floatAtLeast(tolerance));
 }
 
 uint32_t bitsOf(float value)
@@ -121,12 +110,12 @@ bool setOptions(Parameters &words, const GpuBakeOptions &options)
     words[kBakeFlags] |= flags;
     words[kBakeLevel] = options.level;
     words[kBakeTexelsPerEdge] = bitsOf(kLevelSlack * options.texelsPerEdge * options.texelsPerEdge);
-    words[kBakeSubtexel] = bitsOf(atLeast(options.subtexelTolerance));
-    words[kBakeInterpolation] = bitsOf(atLeast(options.interpolationTolerance));
-    words[kBakeBarycentric] = bitsOf(atLeast(options.barycentricTolerance));
-    words[kBakeOpaqueFrom] = bitsOf(atLeast(cutoff + options.valueTolerance));
-    words[kBakeTransparentBelow] = bitsOf(atLeast(cutoff - options.valueTolerance));
-    words[kBakeCutoff] = bitsOf(atLeast(cutoff));
+    words[kBakeSubtexel] = bitsOf(floatAtLeast(options.subtexelTolerance));
+    words[kBakeInterpolation] = bitsOf(floatAtLeast(options.interpolationTolerance));
+    words[kBakeBarycentric] = bitsOf(floatAtLeast(options.barycentricTolerance));
+    words[kBakeOpaqueFrom] = bitsOf(floatAtLeast(cutoff + options.valueTolerance));
+    words[kBakeTransparentBelow] = bitsOf(floatAtLeast(cutoff - options.valueTolerance));
+    words[kBakeCutoff] = bitsOf(floatAtLeast(cutoff));
     return true;
 }
 

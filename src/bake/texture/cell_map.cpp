@@ -7,22 +7,12 @@
 #include <limits>
 
 #include "bake/numbers/float4.h"
+#include "core/portable_math.h"
 
 namespace vellum
 {
 namespace
 {
-
-// The least float that is not below `value`, so that comparing floats with it is comparing them with `value`.
-float atLeast(double value)
-{
-    if (value > double{std::numeric_limits<float>::max()})
-        return std::numeric_limits<float>::infinity();
-    if (value < -double{std::numeric_limits<float>::max()})
-        return -std::numeric_limits<float>::max();
-    const auto rounded = static_cast<float>(value);
-    return double{rounded} >= value ? rounded : std::nextafter(rounded, std::numeric_limits<float>::infinity());
-}
 
 constexpr auto kSide = static_cast<size_t>(CellMap::kTile);
 constexpr size_t kRow = kSide + 1; // the texels at their corners
@@ -103,7 +93,7 @@ struct CellMap::RowBits {
 
 CellMap::CellMap(const AlphaTexture &texture, const Thresholds &thresholds)
     : texture_(texture), axisX_(texture.width, texture.wrapU), axisY_(texture.height, texture.wrapV),
-      opaqueFrom_(atLeast(thresholds.opaque)), transparentBelow_(atLeast(thresholds.transparent)),
+      opaqueFrom_(floatAtLeast(thresholds.opaque)), transparentBelow_(floatAtLeast(thresholds.transparent)),
       tileColumns_((static_cast<size_t>(axisX_.cells()) + kSide - 1) / kSide),
       tileRows_((static_cast<size_t>(axisY_.cells()) + kSide - 1) / kSide), tiles_(tileColumns_ * tileRows_)
 {
