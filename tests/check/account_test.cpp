@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "check/case/account.h"
+#include "check/case/case.h"
 
 #include <gtest/gtest.h>
 
-#include "check/case/validity.h"
 #include "random_case.h"
 
 namespace

@@ -3,8 +3,7 @@
 #include <cmath>
 #include <gtest/gtest.h>
 
-#include "check/case/json.h"
-#include "check/case/validity.h"
+#include "check/case/case.h"
 #include "random_case.h"
 
 namespace

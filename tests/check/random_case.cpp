@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "random_case.h"
 
-#include "check/case/step.h"
+#include "check/case/case.h"
 #include "check/case/trace.h"
 #include "check/groups/random_case.h"
 

@@ -5,8 +5,7 @@
 #include <algorithm>
 #include <gtest/gtest.h>
 
-#include "check/case/json.h"
-#include "check/case/validity.h"
+#include "check/case/case.h"
 #include "check/oracle/cpu_trace.h"
 #include "random_case.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "check/case/validity.h"
+#include "check/case/case.h"
 
 #include <gtest/gtest.h>
 #include <limits>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "check/case/account.h"
+#include "check/case/case.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,6 @@
 #include <fmt/ranges.h>
 
 #include "check/case/names.h"
-#include "check/case/step.h"
 #include "check/oracle/cpu_trace.h"
 #include "check/oracle/outcome.h"
 

@@ -6,8 +6,8 @@
 #include <thread>
 #include <utility>
 
+#include "check/case/case.h"
 #include "check/case/names.h"
-#include "check/case/step.h"
 #include "check/oracle/scene_build.h"
 
 namespace vellum::check

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "check/case/built_case.h"
-#include "check/case/step.h"
+#include "check/case/case.h"
 #include "check/oracle/scene_build.h"
 
 namespace vellum::check

@@ -4,8 +4,10 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "check/oracle/pipeline_fault.h"
@@ -275,5 +277,43 @@ struct Verdict {
 };
 // Runs it. Throws what checkResult throws: VK_ERROR_DEVICE_LOST, for one.
 Verdict run(Device &gpu, const Case &c);
+
+// --- steps: step.cpp ---
+
+// The type of a step's target.
+enum class Target { Object, Micromap, Top };
+Target targetOf(Step::Kind kind);
+
+// Returns whether the step updates that object. scene: after the step
+bool isUpdated(const Step &step, uint32_t object, const oracle::Scene &scene);
+
+// The content of the scene after the step; copies change nothing.
+void applyTo(oracle::Scene &scene, const Step &step);
+
+// --- validity: validity.cpp ---
+
+// The first rule of Vulkan that the case breaks, as "where: what", or nothing. Running a valid case makes no invalid
+// call and reads nothing out of range, whatever file it comes from.
+std::string invalid(const Case &c);
+
+// --- files: json.cpp ---
+
+// Fields with their default value are omitted. Floating-point numbers are read back as they were.
+std::string toJson(const Case &c);
+
+// Throws std::runtime_error, whose what() is one line: where the text is wrong, and what is wrong there. What it
+// returns is valid.
+Case caseFromJson(std::string_view text);
+
+// --- reports: account.cpp, picture.cpp ---
+
+// Describes, in lines of text, what is built by which commands, what is then done, how the wrong ray is traced (the
+// first one if the verdict names none), what it must meet and by which rules, and what was found.
+std::string accountOf(const Case &c, const Verdict &verdict, Api api);
+
+// A picture of the triangle that a wrong ray meets: the expected states of its micro-triangles, and where the device
+// agrees. SVG; empty: the ray meets no triangle, or one whose micro-triangles are too many to draw. `runs` runs a case
+// that differs in its rays only: one at the centre of each micro-triangle.
+std::string pictureOf(const Case &c, const Verdict &verdict, const std::function<Verdict(const Case &)> &runs);
 
 } // namespace vellum::check

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "check/case/json.h"
+#include "check/case/case.h"
 
 #include <algorithm>
 #include <cmath>
@@ -12,7 +12,6 @@
 
 #include "check/case/bytes.h"
 #include "check/case/fields.h"
-#include "check/case/validity.h"
 
 namespace vellum::check
 {

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "check/case/picture.h"
+#include "check/case/case.h"
 
 #include <algorithm>
 #include <fmt/format.h>
 
-#include "check/case/step.h"
 #include "check/oracle/cpu_trace.h"
 
 namespace vellum::check

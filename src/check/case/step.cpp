@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "check/case/step.h"
+#include "check/case/case.h"
 
 #include <cmath>
 #include <utility>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "check/case/validity.h"
+#include "check/case/case.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,6 @@
 
 #include "check/case/names.h"
 #include "check/case/queries.h"
-#include "check/case/step.h"
 #include "check/case/trace.h"
 #include "check/oracle/scene_build.h"
 

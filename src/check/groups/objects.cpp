@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <array>
 
-#include "check/case/step.h"
-#include "check/case/validity.h"
+#include "check/case/case.h"
 #include "check/groups/random_case.h"
 
 namespace vellum::check

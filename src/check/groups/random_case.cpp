@@ -6,10 +6,8 @@
 #include <functional>
 #include <numeric>
 
-#include "check/case/json.h"
+#include "check/case/case.h"
 #include "check/case/names.h"
-#include "check/case/step.h"
-#include "check/case/validity.h"
 #include "check/groups/session.h"
 
 namespace vellum::check

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <map>
 
-#include "check/case/account.h"
-#include "check/case/json.h"
-#include "check/case/picture.h"
+#include "check/case/case.h"
 #include "check/case/shrink/shrink.h"
 #include "check/groups/session.h"
 

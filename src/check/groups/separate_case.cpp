@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "check/case/account.h"
-#include "check/case/json.h"
+#include "check/case/case.h"
 #include "check/case/shrink/shrink.h"
 #include "check/groups/group.h"
 

@@ -11,7 +11,7 @@
 #include <thread>
 
 #include "base/error.h"
-#include "check/case/json.h"
+#include "check/case/case.h"
 #include "check/groups/group.h"
 #include "cli/check/case_id.h"
 #include "cli/check/protocol.h"

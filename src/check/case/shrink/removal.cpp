@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "check/case/step.h"
+#include "check/case/case.h"
 
 namespace vellum::check
 {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <set>
 
+#include "check/case/case.h"
 #include "check/case/shrink/passes.h"
 #include "check/case/shrink/removal.h"
-#include "check/case/step.h"
 
 namespace vellum::check
 {

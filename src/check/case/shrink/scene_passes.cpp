@@ -3,10 +3,10 @@
 #include <cmath>
 #include <span>
 
+#include "check/case/case.h"
 #include "check/case/names.h"
 #include "check/case/shrink/passes.h"
 #include "check/case/shrink/removal.h"
-#include "check/case/step.h"
 
 namespace vellum::check
 {

@@ -4,9 +4,8 @@
 #include <algorithm>
 
 #include "check/case/bytes.h"
-#include "check/case/json.h"
+#include "check/case/case.h"
 #include "check/case/shrink/passes.h"
-#include "check/case/validity.h"
 
 namespace vellum::check
 {
