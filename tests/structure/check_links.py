@@ -4,6 +4,7 @@
 
 - links and pictures of Markdown files, outside of code;
 - names of source files in code of Markdown files (`hit_records.cpp`, `pipelines/hit_records.cpp`), which may lack folders;
+  those in the row of a table about a folder (| `src/bake` | ...) must be in that folder;
 - ids of messages in Markdown files (`VELLUM-device`), which docs/messages.md must have;
 - names of documents ("docs/baking.md") in sources and scripts;
 - arrows of the diagram of subsystems that check_includes.py does not know, and the other way round.
@@ -21,6 +22,7 @@ CODE = re.compile(r"`[^`\n]*`")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#+ +(.*?)\s*$", re.M)
 SOURCE = re.compile(r"`([\w./-]+\.(?:cpp|h|comp|glsl|rahit|py|cmake))`")
+FOLDER = re.compile(r"^\| `((?:src|tests)/[\w/]+)` \|(.*)$", re.M)
 MESSAGES, MESSAGE = "docs/messages.md", re.compile(r"`(VELLUM-[A-Za-z0-9-]*[A-Za-z0-9])`")
 NAMED = re.compile(r"\bdocs/[\w/-]+\.md\b")
 SOURCES = {".c", ".cpp", ".h", ".py", ".in", ".txt", ".cmake", ".comp", ".glsl", ".rahit", ".json", ""}
@@ -55,6 +57,10 @@ def findings_of_document(root, path, text, known):
     for name in SOURCE.findall(FENCE.sub("", text)):
         if not any(("/" + file).endswith("/" + name) for file in known):
             yield f"{here}: there is no file {name}"
+    for folder, row in FOLDER.findall(text):
+        for name in SOURCE.findall(row):
+            if not any(file.startswith(folder + "/") and file.endswith("/" + name) for file in known):
+                yield f"{here}: there is no file {name} in {folder}"
     if (root / MESSAGES).is_file():
         messages = set(MESSAGE.findall((root / MESSAGES).read_text(encoding="utf-8")))
         for name in sorted(set(MESSAGE.findall(text)) - messages):

@@ -51,6 +51,12 @@ class CheckLinks(unittest.TestCase):
         self.expect_finding("docs/page.md: there is no file src/codes.cpp", "docs/page.md", "src/code.", "src/codes.")
         self.expect_finding("docs/page.md: there is no file ode.cpp", "docs/page.md", "`code", "`ode")
 
+    def test_folder(self):
+        row = "\n| `src/%s` | `code.cpp` |\n"
+        change = "docs/page.md", "\n## Same\n"
+        self.assertEqual(run(*change, row.replace("/%s", "") + "## Same\n")[0], 0)
+        self.expect_finding("docs/page.md: there is no file code.cpp in src/bake", *change, row % "bake" + "## Same\n")
+
     def test_message(self):
         self.expect_finding("README.md: docs/messages.md has no VELLUM-two", "README.md", "VELLUM-one", "VELLUM-two")
 
