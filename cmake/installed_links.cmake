@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # cmake -DROOT=<folder of documents> [-DHEADERS=<include/vellum>] [-DSCHEMA=<schema.json>] -P installed_links.cmake
 # Links of documents that lead to what is not installed with them: those to headers and to the JSON schema lead to where
-# these are installed; of others, such as the sources, the text stays.
+# these are installed; of others the text stays, and the file is named: [results](../bench/results/baker.md) becomes
+# "results (`bench/results/baker.md` of the source)", and [CONTRIBUTING.md](CONTRIBUTING.md) "CONTRIBUTING.md of the source".
 file(GLOB_RECURSE pages ${ROOT}/*.md)
 foreach(page IN LISTS pages)
   cmake_path(GET page PARENT_PATH folder)
@@ -26,7 +27,12 @@ foreach(page IN LISTS pages)
       string(REPLACE "](${target})" "](${installed})" text "${text}")
     else()
       string(REPLACE "." "\\." pattern "${target}")
-      string(REGEX REPLACE "\\[([^]]*)\\]\\(${pattern}(#[^)]*)?\\)" "\\1" text "${text}")
+      cmake_path(SET path NORMALIZE "${folder}/${target}")
+      cmake_path(RELATIVE_PATH path BASE_DIRECTORY ${ROOT})
+      cmake_path(GET path FILENAME name)
+      string(REPLACE "." "\\." names "${path}|${name}")
+      string(REGEX REPLACE "\\[(`?(${names})`?)\\]\\(${pattern}(#[^)]*)?\\)" "\\1 of the source" text "${text}")
+      string(REGEX REPLACE "\\[([^]]*)\\]\\(${pattern}(#[^)]*)?\\)" "\\1 (`${path}` of the source)" text "${text}")
     endif()
   endforeach()
   if(NOT text STREQUAL before)

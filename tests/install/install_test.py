@@ -336,8 +336,24 @@ class Installation(unittest.TestCase):
                 for target in re.findall(r"\]\(([^)#:\s]+)[)#]", texts[page]) if not (page.parent / target).exists()]
         self.assertEqual(dead, [])
         self.assertIn("(../../../../include/vellum/vellum.h)", texts[root / "docs/library.md"])
-        self.assertIn(" CONTRIBUTING.md", texts[root / "docs/design/map.md"])  # the text stays
+        self.assertIn(" CONTRIBUTING.md of the source", texts[root / "docs/design/map.md"])
+        self.assertIn("The complete tables (`bench/results/lavapipe.md` of the source)", texts[root / "docs/performance.md"])
         self.assertIn("(design/gpu-baker.md)", texts[root / "docs/library.md"])
+
+    def test_what_the_installed_documents_name(self):
+        """A section that names a file or folder which is not installed has the words "the source". design/ is about the source."""
+        root = self.prefix / "share/doc/vellum"
+        found = []
+        for page in [root / "README.md", *(root / "docs").glob("*.md")]:
+            text = re.sub(r"(?s)<!--.*?-->", "", page.read_text())
+            for section in re.split(r"(?m)^## ", text):
+                found += [f"{page.name}: {section.splitlines()[0]}: {name}" for name in
+                          re.findall(r"(?<![\w/.])(?:bench|bindings|cmake|packaging|scripts|tests)/[\w./-]*\w", section)
+                          if not re.search(r"\bthe source\b", section, re.I) and not (root / name).exists()]
+            if page.name != "messages.md":
+                names = set(re.findall(r"`(\w+\.(?:cpp|py|js))`", text))
+                found += [f"{page.name}: {name}" for name in sorted(names) if not list(root.rglob(name))]
+        self.assertEqual(found, [])
 
 
 def main():
