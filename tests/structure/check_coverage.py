@@ -3,8 +3,8 @@
 """Checks docs/design/coverage.md against the registry and the tests, and prints what differs:
 
 - every command, type and value that the registry (vk.xml) has for the extensions is on the page;
-- every test that the page, or the table of what goes wrong in docs/vulkan-integration.md, names exists. Names are suite and case; one that begins with a dot belongs to the suite before
-  it, "*" stands for any rest, MS for MicromapStructure;
+- every test that the page names exists. Names are suite and case; one that begins with a dot belongs to the suite before it,
+  "*" stands for any rest, MS for MicromapStructure;
 - the header for older Vulkan headers is of the version that the page names, the only one that states it.
 
 usage: check_coverage.py [REGISTRY [ROOT]]
@@ -16,7 +16,6 @@ import xml.etree.ElementTree as ElementTree
 import findings
 
 PAGE = "docs/design/coverage.md"
-MISTAKES = "docs/vulkan-integration.md"
 RULES = "docs/messages.md"
 HEADER = "include/vellum/vulkan_opacity_micromap.h"
 EXTENSIONS = ("VK_EXT_opacity_micromap", "VK_KHR_opacity_micromap", "VK_ARM_pipeline_opacity_micromap",
@@ -80,8 +79,7 @@ def check(registry, root):
     wanted, tests = of_registry(registry), of_sources(root)
     found = [f"{PAGE}: nothing about {name}" for name in sorted(wanted) if not is_named(name, page)]
     found += check_versions(root, page)
-    for name, text in ((PAGE, page), (MISTAKES, (root / MISTAKES).read_text(encoding="utf-8"))):
-        found += [f"{name}: there is no test {test}" for test in sorted(set(missing_tests(text, tests)))]
+    found += [f"{PAGE}: there is no test {test}" for test in sorted(set(missing_tests(page, tests)))]
     return found, len(wanted)
 
 
