@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Bakes the opacity micromap of a leaf on two triangles and prints what came out. With names of files, bakes a glTF file and
-prints its primitives. The package is that of bindings/python: docs/python.md.
+prints its primitives. The package `vellum` is installed by pip: docs/python.md.
 
 usage: bake.py [INPUT OUTPUT]
 """
