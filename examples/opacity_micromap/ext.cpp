@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // An opacity micromap baked by libvellum, built by VK_EXT_opacity_micromap, attached to a bottom level and traced.
+// usage: opacity_micromap_ext [opaque]    opaque: of a card that is opaque all over, which needs no micromap
 #include <cstdlib>
 #include <exception>
 #include <iostream>
@@ -11,9 +12,14 @@
 namespace
 {
 
-// Builds a micromap from the result of a bake. It must live as long as the bottom levels that refer to it.
+// Builds a micromap from the result of a bake, if one is needed. It must live as long as the bottom levels that refer to it.
 VkMicromapEXT buildMicromap(Context &context, const vellum::Micromap &baked)
 {
+    // [empty]
+    if (baked.triangles().empty())
+        return VK_NULL_HANDLE; // every index is special
+    // [empty end]
+
     // [inputs]
     constexpr VkBufferUsageFlags kInput = VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
     const Buffer data = context.upload(baked.data(), kInput);           // at a multiple of 256 bytes
@@ -89,7 +95,7 @@ VkDeviceAddress buildBottomLevel(Context &context, const vellum::Micromap &baked
 
 } // namespace
 
-int main()
+int main(int argc, char **)
 try {
     // [device]
     VkPhysicalDeviceOpacityMicromapFeaturesEXT features{
@@ -102,7 +108,7 @@ try {
     VkPhysicalDeviceProperties2 properties{.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, .pNext = &limits};
     vkGetPhysicalDeviceProperties2(context.physicalDevice(), &properties);
 
-    const std::vector<float> alpha = paintLeaf();
+    const std::vector<float> alpha = paintLeaf(argc > 1);
     const vellum::Micromap baked = bakeLeaf(alpha, limits.maxOpacity4StateSubdivisionLevel);
     const VkMicromapEXT micromap = buildMicromap(context, baked);
     return traceAndReport(context, buildBottomLevel(context, baked, micromap), alpha,

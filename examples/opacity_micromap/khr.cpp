@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // An opacity micromap baked by libvellum, built by VK_KHR_opacity_micromap, attached to a bottom level and traced.
+// usage: opacity_micromap_khr [opaque]    opaque: of a card that is opaque all over, which needs no micromap
 #include <cstdlib>
 #include <exception>
 #include <iostream>
@@ -13,9 +14,14 @@
 namespace
 {
 
-// Builds a micromap from the result of a bake. It must live as long as the bottom levels that refer to it.
+// Builds a micromap from the result of a bake, if one is needed. It must live as long as the bottom levels that refer to it.
 VkAccelerationStructureKHR buildMicromap(Context &context, const vellum::Micromap &baked)
 {
+    // [empty]
+    if (baked.triangles().empty())
+        return VK_NULL_HANDLE; // every index is special
+    // [empty end]
+
     // [inputs]
     constexpr VkBufferUsageFlags kInput = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
     const Buffer data = context.upload(baked.data(), kInput);           // at a multiple of 128 bytes
@@ -52,12 +58,10 @@ VkAccelerationStructureKHR buildMicromap(Context &context, const vellum::Microma
     const Buffer storage =
         context.createBuffer(sizes.accelerationStructureSize, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
     const Buffer scratch = context.createBuffer(sizes.buildScratchSize, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
-    // [create]
     const VkAccelerationStructureCreateInfo2KHR info{
         .sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR,
         .addressRange = {storage.address, sizes.accelerationStructureSize}, // at a multiple of 256 bytes
         .type = build.type};
-    // [create end]
     check(context.load<PFN_vkCreateAccelerationStructure2KHR>("vkCreateAccelerationStructure2KHR")(
               context.device(), &info, nullptr, &build.dstAccelerationStructure),
           "vkCreateAccelerationStructure2KHR");
@@ -98,9 +102,8 @@ VkDeviceAddress buildBottomLevel(Context &context, const vellum::Micromap &baked
 
 } // namespace
 
-int main()
+int main(int argc, char **)
 try {
-    // [device]
     VkPhysicalDeviceOpacityMicromapFeaturesKHR micromaps{
         .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR, .micromap = VK_TRUE};
     VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR addressCommands{
@@ -109,14 +112,13 @@ try {
         .deviceAddressCommands = VK_TRUE};
     Context context({VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME},
                     &addressCommands);
-    // [device end]
 
     VkPhysicalDeviceOpacityMicromapPropertiesKHR limits{
         .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR};
     VkPhysicalDeviceProperties2 properties{.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, .pNext = &limits};
     vkGetPhysicalDeviceProperties2(context.physicalDevice(), &properties);
 
-    const std::vector<float> alpha = paintLeaf();
+    const std::vector<float> alpha = paintLeaf(argc > 1);
     const vellum::Micromap baked = bakeLeaf(alpha, limits.maxOpacity4StateSubdivisionLevel);
     const VkAccelerationStructureKHR micromap = buildMicromap(context, baked);
     return traceAndReport(context, buildBottomLevel(context, baked, micromap), alpha,

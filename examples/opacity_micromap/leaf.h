@@ -19,9 +19,11 @@ inline constexpr std::array<float, 12> kCardPositions = {0, 0, 0, 1, 0, 0, 0, 1,
 inline constexpr std::array<uint16_t, 6> kCardIndices = {0, 1, 2, 3, 2, 1};
 inline constexpr uint32_t kCardTriangles = 2;
 
-// Alpha of an ellipse with a soft border.
-inline std::vector<float> paintLeaf()
+// Alpha of an ellipse with a soft border, or of an opaque card.
+inline std::vector<float> paintLeaf(bool opaque)
 {
+    if (opaque)
+        return std::vector<float>(kLeafSize * kLeafSize, 1.0f);
     std::vector<float> alpha;
     for (uint32_t y = 0; y < kLeafSize; ++y)
         for (uint32_t x = 0; x < kLeafSize; ++x) {
