@@ -14,7 +14,8 @@
 namespace
 {
 
-// Builds a micromap from the result of a bake, if one is needed. It must live as long as the bottom levels that refer to it.
+// Builds a micromap from the result of a bake, if it needs one. It must live as long as the bottom levels that refer to
+// it.
 VkAccelerationStructureKHR buildMicromap(Context &context, const vellum::Micromap &baked)
 {
     // [empty]
