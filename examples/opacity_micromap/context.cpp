@@ -114,6 +114,7 @@ void Context::choosePhysicalDevice(const std::vector<const char *> &extensions)
 
 void Context::createDevice(const std::vector<const char *> &extensions, void *features)
 {
+    // [features]
     VkPhysicalDeviceRayQueryFeaturesKHR rayQuery{
         .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR, .pNext = features, .rayQuery = VK_TRUE};
     VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{
@@ -126,6 +127,7 @@ void Context::createDevice(const std::vector<const char *> &extensions, void *fe
     VkPhysicalDeviceVulkan13Features vulkan13{.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES,
                                               .pNext = &vulkan12,
                                               .synchronization2 = VK_TRUE};
+    // [features end]
     const float priority = 1;
     const VkDeviceQueueCreateInfo queue{.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO,
                                         .queueFamilyIndex = findComputeFamily(physicalDevice_),

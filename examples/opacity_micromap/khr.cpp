@@ -59,10 +59,12 @@ VkAccelerationStructureKHR buildMicromap(Context &context, const vellum::Microma
     const Buffer storage =
         context.createBuffer(sizes.accelerationStructureSize, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
     const Buffer scratch = context.createBuffer(sizes.buildScratchSize, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+    // [create]
     const VkAccelerationStructureCreateInfo2KHR info{
         .sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR,
         .addressRange = {storage.address, sizes.accelerationStructureSize}, // at a multiple of 256 bytes
         .type = build.type};
+    // [create end]
     check(context.load<PFN_vkCreateAccelerationStructure2KHR>("vkCreateAccelerationStructure2KHR")(
               context.device(), &info, nullptr, &build.dstAccelerationStructure),
           "vkCreateAccelerationStructure2KHR");
@@ -105,6 +107,7 @@ VkDeviceAddress buildBottomLevel(Context &context, const vellum::Micromap &baked
 
 int main(int argc, char **)
 try {
+    // [device]
     VkPhysicalDeviceOpacityMicromapFeaturesKHR micromaps{
         .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR, .micromap = VK_TRUE};
     VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR addressCommands{
@@ -113,6 +116,7 @@ try {
         .deviceAddressCommands = VK_TRUE};
     Context context({VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME},
                     &addressCommands);
+    // [device end]
 
     VkPhysicalDeviceOpacityMicromapPropertiesKHR limits{
         .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR};
