@@ -52,15 +52,18 @@ VELLUM_FN uint curveIndexOfCell(VELLUM_IN uint iu, VELLUM_IN uint iv, VELLUM_IN 
 // of one at the edge.
 VELLUM_FN uint finestCurveIndex(VELLUM_IN float u, VELLUM_IN float v)
 {
-    const float scale = toFloat(1u << kMaxSubdivisionLevel);
-    uint iu = toUint(u * scale);
-    uint iv = toUint(v * scale);
+    const float steps = toFloat(1u << kMaxSubdivisionLevel);
+    const float cellsU = u * steps;
+    const float cellsV = v * steps;
+    uint iu = toUint(cellsU);
+    uint iv = toUint(cellsV);
+    // The place in the cell. These differences are exact, and so is their sum unless u or v is below 2^-12; that of u and v
+    // is rounded, to beyond the diagonal also.
+    const float rest = (cellsU - toFloat(iu)) + (cellsV - toFloat(iv));
     iv = iv < kFinestMask ? iv : kFinestMask;
     iu = iu < kFinestMask - iv ? iu : kFinestMask - iv;
-    // It is the cell's far half if the sum has reached the next diagonal.
-    uint sum = toUint((u + v) * scale);
-    sum = sum < kFinestMask ? sum : kFinestMask;
-    return curveIndexOfCell(iu, iv, iu + iv + (sum > iu + iv ? 1u : 0u));
+    const uint farHalf = rest >= 1.0f && iu + iv < kFinestMask ? 1u : 0u;
+    return curveIndexOfCell(iu, iv, iu + iv + farHalf);
 }
 
 // The index for a level of 0..12.

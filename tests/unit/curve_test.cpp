@@ -3,6 +3,7 @@
 // specification's figures show.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -103,6 +104,29 @@ TEST_P(CurveOfLevel, TheLevelAboveIsAQuarter)
         const uint32_t index = random() % microTriangleCount(level);
         const Barycentrics p = mix(microTriangleCorners(index, level), 0.375f, 0.375f, 0.25f);
         ASSERT_EQ(shared::curveIndex(p.u, p.v, level - 1), index / 4);
+    }
+}
+
+// The sum of u and v has fewer bits than they have: rounded, it can be on the other side of a diagonal.
+TEST_P(CurveOfLevel, PointsBesideADiagonalAreOnTheirSide)
+{
+    const double steps = 1u << GetParam();
+    test::TestRandom random(GetParam());
+    uint32_t tested = 0;
+    while (tested < 20000) {
+        const float v = static_cast<float>(random() & 0xffffffu) / 0x1000000;
+        float u = static_cast<float>(static_cast<double>(1 + random() % (1u << GetParam())) / steps - double{v});
+        for (uint32_t i = random() % 5; i > 0; --i)
+            u = std::nextafter(u, i % 2 == 0 ? 1.0f : 0.0f);
+        // Smaller ones are rounded where they are added to others.
+        if (u < 1.0f / 4096 || v < 1.0f / 4096 || double{u} + v >= 1)
+            continue;
+        const double cellU = std::floor(u * steps), cellV = std::floor(v * steps);
+        const bool far = u * steps - cellU + (v * steps - cellV) >= 1;
+        const auto corners = microTriangleCorners(shared::curveIndex(u, v, GetParam()), GetParam());
+        const auto isOrigin = [&](const Barycentrics &c) { return c.u * steps == cellU && c.v * steps == cellV; };
+        ASSERT_EQ(std::ranges::none_of(corners, isOrigin), far) << u << ", " << v;
+        ++tested;
     }
 }
 
