@@ -187,6 +187,38 @@ TEST(CommandLine, ErrorsNameTheOptionAndItsRange)
     }
 }
 
+TEST(CommandLine, AFileWithADashInFront)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "-dash.glb", cardGlb());
+    const std::filesystem::path before = std::filesystem::current_path();
+    std::filesystem::current_path(folder.path());
+    const Outcome outcome = runVellum({"bake", "-dash.glb"});
+    std::filesystem::current_path(before);
+    EXPECT_EQ(outcome.exitCode, 2);
+    EXPECT_EQ(outcome.errors, "vellum: -dash.glb is not an option of vellum bake; the file of this name is ./-dash.glb "
+                              "(see vellum bake --help)\n");
+}
+
+#ifdef __linux__ // where root may write everywhere, and cannot
+TEST(CommandLine, OutputsThatCannotBeMadeAreFoundBeforeTheWork)
+{
+    for (const std::vector<std::string> &arguments :
+         {std::vector<std::string>{"bench", "-o", "/proc/x.html"},
+          {"inspect", "none.glb", "-o", "/proc/x.html"}, // not read before
+          {"sweep", "none.glb", "-o", "/proc/x.html"},
+          {"check", "--filter", "khr.levels.*", "--results", "/proc/x.csv"},
+          {"check", "--filter", "khr.levels.*", "--junit", "/proc/x.xml"}}) {
+        const Outcome outcome = runVellum(arguments);
+        EXPECT_EQ(outcome.exitCode, 1) << arguments.front();
+        EXPECT_EQ(outcome.output, "") << arguments.front();
+        EXPECT_TRUE(has(outcome.errors, "vellum: /proc/x.") && has(outcome.errors, "cannot be written"))
+            << outcome.errors;
+        EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
+    }
+}
+#endif
+
 #ifndef _WIN32
 TEST(CommandLine, BinaryOutputsDoNotGoToATerminal)
 {
