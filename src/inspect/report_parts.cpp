@@ -93,6 +93,8 @@ std::vector<std::string> unreadableFormats()
         formats.emplace_back("WebP and AVIF images");
     if (!kDecompressesMeshes)
         formats.emplace_back("geometry compressed by Draco or meshoptimizer");
+    if (const std::string what = undecodableByMeshoptimizer(); !what.empty())
+        formats.push_back("geometry by EXT_meshopt_compression and KHR_meshopt_compression with " + what);
     return formats;
 }
 

@@ -54,6 +54,9 @@ TEST(CommandLine, VersionAndWhatTheBuildCannotRead)
         expected += "this build cannot read WebP and AVIF images\n";
     if (!vellum::kDecompressesMeshes)
         expected += "this build cannot read geometry compressed by Draco or meshoptimizer\n";
+    if (!vellum::undecodableByMeshoptimizer().empty())
+        expected += R"(this build cannot read geometry by EXT_meshopt_compression and KHR_meshopt_compression with .+ )"
+                    R"(\(meshoptimizer \d+\.\d+\)\n)";
     EXPECT_TRUE(std::regex_match(version, std::regex(expected))) << version;
 }
 
