@@ -59,6 +59,9 @@ struct BakeJob {
     std::vector<std::filesystem::path> named; // these files
 };
 
+// The job's rule of a depfile. Throws Error.
+std::string ruleOf(const BakeJob &job);
+
 struct BakePlan {
     std::vector<BakeJob> jobs; // of the shard, without those that earlier logs have as done
     size_t done = 0;           // the number of these

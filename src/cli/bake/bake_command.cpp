@@ -21,7 +21,6 @@
 #include "core/utf8_path.h"
 #include "gltf/file/cache_folder.h"
 #include "gltf/file/gltf_error.h"
-#include "job/depfile.h"
 #include "job/log.h"
 
 namespace vellum::cli
@@ -290,13 +289,8 @@ BakeRun bakeAll(const BakeCommandOptions &options, UnmatchedExclusions &exclusio
 void writeDepfile(const fs::path &path, const std::vector<BakeFileReport> &reports)
 {
     std::string text;
-    for (const BakeFileReport &report : reports) {
-        std::vector<fs::path> read;
-        if (!isStandardStream(report.job.input))
-            read.push_back(report.job.input);
-        read.insert(read.end(), report.job.named.begin(), report.job.named.end());
-        text += job::depfileRule(report.job.output, read);
-    }
+    for (const BakeFileReport &report : reports)
+        text += ruleOf(report.job);
     writeWhole(path, {reinterpret_cast<const uint8_t *>(text.data()), text.size()});
 }
 

@@ -17,6 +17,7 @@
 #include "gltf/file/output_files.h"
 #include "gltf/micromaps/document_writer.h"
 #include "gltf/primitive.h"
+#include "job/depfile.h"
 #include "job/file_list.h"
 #include "job/log.h"
 
@@ -241,6 +242,15 @@ size_t removeDone(const BakeCommandOptions &options, std::vector<BakeJob> &jobs)
 
 } // namespace
 
+std::string ruleOf(const BakeJob &job)
+{
+    std::vector<fs::path> read;
+    if (!isStandardStream(job.input))
+        read.push_back(job.input);
+    read.insert(read.end(), job.named.begin(), job.named.end());
+    return job::depfileRule(job.output, read);
+}
+
 BakePlan planBake(const BakeCommandOptions &options)
 {
     std::error_code ignored;
@@ -252,7 +262,9 @@ BakePlan planBake(const BakeCommandOptions &options)
     if (several && options.output && isStandardStream(*options.output))
         throw UsageError("several inputs need an output folder, not stdout");
     if (several && !options.output && !options.files)
-        throw UsageError("several inputs need an output folder: -o FOLDER");
+        throw UsageError(options.inputs.size() > 1 ? "several inputs need an output folder: -o FOLDER"
+                                                   : utf8Text(options.inputs.front()) +
+                                                         " is a folder, which needs an output folder: -o FOLDER");
     const bool toFolder =
         options.output && (several || !options.output->has_filename() || fs::is_directory(*options.output, ignored));
     if (toFolder && fs::exists(*options.output, ignored) && !fs::is_directory(*options.output, ignored))
@@ -296,6 +308,9 @@ BakePlan planBake(const BakeCommandOptions &options)
         jobs[i].problem = conflicts.problemOf(i);
     }
     conflicts.checkOwnFiles(options);
+    if (options.depfile) // it is written last; a name that it cannot have is found first
+        for (const BakeJob &job : jobs)
+            static_cast<void>(ruleOf(job));
     return {std::move(jobs), done};
 }
 
