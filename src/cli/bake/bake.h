@@ -28,6 +28,7 @@ struct BakeCommandOptions {
     std::optional<std::filesystem::path> log;    // gets a line for each file
     std::vector<std::filesystem::path> resume;   // earlier logs: what is done is not baked again
     std::optional<std::filesystem::path> output; // "-" is stdout
+    bool operandOutput = false;                  // `output` was given without -o
     std::optional<std::filesystem::path> depfile;
     std::filesystem::path cache;            // empty: none
     uint64_t cacheSize = uint64_t{5} << 30; // bytes

@@ -233,6 +233,7 @@ void splitOperands(BakeCommandOptions &options)
     if (!options.output && options.inputs.size() == 2) {
         options.output = options.inputs.back();
         options.inputs.pop_back();
+        options.operandOutput = true;
     }
     const bool fromStdin = std::any_of(options.inputs.begin(), options.inputs.end(), isStandardStream);
     if (fromStdin && options.inputs.size() > 1)

@@ -34,6 +34,30 @@ fs::path besideInput(const fs::path &input)
     return output.replace_extension(".omm") += input.extension();
 }
 
+// Returns whether vellum bake wrote it. Throws GltfError.
+bool isOwnOutput(const fs::path &path)
+{
+    const Container container = readJson(path);
+    return isOwnFile(JsonTree(container.json()).root());
+}
+
+// Throws UsageError for IN OUT where both are earlier outputs: *.omm.glb in a folder of two.
+void checkOperands(const fs::path &input, const fs::path &output)
+{
+    std::error_code error;
+    if (isStandardStream(input) || !fs::is_regular_file(output, error) || fs::equivalent(input, output, error))
+        return;
+    try {
+        if (!isOwnOutput(input) || !isOwnOutput(output))
+            return;
+    } catch (const GltfError &) {
+        return; // planning or the bake reports it
+    }
+    throw UsageError(utf8Text(output) + " would be replaced by the bake of " + utf8Text(input) +
+                     ", and vellum wrote both: of two operands the second is the output; -o " + utf8Text(output) +
+                     " replaces it, and -o FOLDER bakes both");
+}
+
 // Returns whether there is nothing at the output, or a file of which nothing is lost: an earlier bake wrote it, or it
 // is a copy of the input.
 bool isReplaceable(const BakeJob &job)
@@ -42,8 +66,7 @@ bool isReplaceable(const BakeJob &job)
     if (isStandardStream(job.output) || !fs::exists(job.output, error))
         return true;
     try {
-        const Container container = readJson(job.output);
-        if (isOwnFile(JsonTree(container.json()).root()))
+        if (isOwnOutput(job.output))
             return true;
     } catch (const GltfError &) {
         // It may be a copy of an input that cannot be read either.
@@ -274,6 +297,8 @@ BakePlan planBake(const BakeCommandOptions &options)
         throw UsageError("stdin needs an output file, not a folder");
     if (options.output && !toFolder)
         checkSuffix(*options.output, {".glb", ".gltf", suffixOf(options.inputs.front())});
+    if (options.operandOutput && !toFolder && !options.force)
+        checkOperands(options.inputs.front(), *options.output);
     std::vector<BakeJob> jobs;
     if (options.files)
         jobs = listedJobs(options);

@@ -71,6 +71,12 @@ std::string levelsText(const BakedReport &primitive)
     return low == high ? std::to_string(low) : fmt::format("{}-{}", low, high);
 }
 
+// "tree.glb -> tree.omm.glb"
+std::string namesOf(const BakeJob &job)
+{
+    return utf8Text(job.input) + " -> " + utf8Text(job.output);
+}
+
 // Of a file without a scene to measure.
 std::string describeTriangles(const BakeFileReport &file)
 {
@@ -99,6 +105,8 @@ std::string summary(const BakeFileReport &file)
                                     [](const SkippedPrimitive &s) { return s.hadMicromap; });
     if (lost != 0 && file.written)
         text += fmt::format(" ({} lost {} micromap)", lost, lost == 1 ? "its" : "their");
+    if (file.replaced && file.written && !file.primitives.empty())
+        text += "; the input had micromaps already, which were replaced";
     if (file.cacheHits + file.cacheMisses != 0)
         text +=
             fmt::format("; cache: {}, {}", counted(file.cacheHits, "hit"), counted(file.cacheMisses, "miss", "misses"));
@@ -266,7 +274,7 @@ void printLines(const std::vector<BakeFileReport> &files)
 {
     for (const BakeFileReport &file : files)
         if (file.error.empty()) {
-            fmt::print("{}: {}\n", utf8Text(file.written ? file.job.output : file.job.input), summary(file));
+            fmt::print("{}: {}\n", file.written ? namesOf(file.job) : utf8Text(file.job.input), summary(file));
             printReplacedLoss(file);
         }
 }
@@ -276,10 +284,9 @@ void printTable(const std::vector<BakeFileReport> &files)
     for (const BakeFileReport &file : files) {
         if (!file.error.empty())
             continue;
-        fmt::print("{} -> {}: {}\n", utf8Text(file.job.input), utf8Text(file.job.output), summary(file));
+        fmt::print("{}: {}\n", namesOf(file.job), summary(file));
         if (file.written)
-            fmt::print("  {} bytes became {}{}\n", grouped(file.inputBytes), grouped(file.outputBytes),
-                       file.replaced ? ", its micromaps were replaced" : "");
+            fmt::print("  {} bytes became {}\n", grouped(file.inputBytes), grouped(file.outputBytes));
         printReplacedLoss(file);
         printPrimitives(file);
         for (size_t i = 0; i < file.micromaps.size(); ++i)
