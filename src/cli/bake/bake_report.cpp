@@ -87,6 +87,21 @@ std::string describeTriangles(const BakeFileReport &file)
     return approximate ? share + "opaque or transparent, some in " + kTwoStatesText : share + "known";
 }
 
+// The caution that all primitives with one have in common, or how many there are.
+std::string cautionText(const BakeFileReport &file)
+{
+    std::set<std::string> cautions;
+    size_t primitives = 0;
+    for (const BakedReport &primitive : file.primitives)
+        if (!primitive.caution.empty()) {
+            cautions.insert((primitive.material.empty() ? "" : primitive.material + ": ") + primitive.caution);
+            ++primitives;
+        }
+    if (cautions.size() == 1)
+        return "; caution: " + *cautions.begin();
+    return cautions.empty() ? "" : fmt::format("; {}, see --report", counted(primitives, "caution"));
+}
+
 std::string summary(const BakeFileReport &file)
 {
     size_t triangles = 0;
@@ -110,11 +125,7 @@ std::string summary(const BakeFileReport &file)
     if (file.cacheHits + file.cacheMisses != 0)
         text +=
             fmt::format("; cache: {}, {}", counted(file.cacheHits, "hit"), counted(file.cacheMisses, "miss", "misses"));
-    const auto cautions = std::count_if(file.primitives.begin(), file.primitives.end(),
-                                        [](const BakedReport &p) { return !p.caution.empty(); });
-    if (cautions != 0)
-        text += fmt::format("; {}, see --report", counted(static_cast<size_t>(cautions), "caution"));
-    return text;
+    return text + cautionText(file);
 }
 
 using Row = std::vector<std::string>;

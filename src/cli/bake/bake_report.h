@@ -27,7 +27,7 @@ struct BakedReport {
     std::array<size_t, 13> levels{}; // the other triangles by level
     std::array<double, 4> states{};  // shares of State, each triangle counted alike
     size_t micromap = 0;             // the number of its micromap
-    std::string caution;             // renderers for which it is wrong; empty if none
+    std::string caution;             // BakedPrimitive::caution
 };
 
 struct BakeFileReport {
