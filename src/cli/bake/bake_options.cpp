@@ -188,7 +188,8 @@ void declareQuality(CLI::App &command, DocumentBakeOptions &options, RawBakeOpti
     command
         .add_option(
             "--budget", raw.budget,
-            "Most bytes of micromaps for a file, like 500K or 2M: levels are lowered where that loses the least known "
+            "Most bytes of micromaps for a file, like 500K or 2M, without the indices of triangles: levels are lowered "
+            "where that loses the least known "
             "surface, or automatic ones raised where that gains the most. 0: one state "
             "for each triangle; what then remains are the 9 bytes of an empty micromap for each material [none]")
         ->type_name("BYTES");

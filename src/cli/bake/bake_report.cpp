@@ -108,9 +108,11 @@ std::string summary(const BakeFileReport &file)
     for (const BakedReport &primitive : file.primitives)
         triangles += primitive.triangles;
     const std::string share = file.surface ? describe(*file.surface) : describeTriangles(file);
+    const std::string nothing = file.code == ExitCode::Failed ? "nothing could be baked" : "nothing to bake";
     std::string text = file.primitives.empty()
-                           ? std::string(file.written ? "nothing to bake" : "nothing to bake, not written")
-                           : fmt::format("{}; {} of micromaps, {}, {}", share, counted(micromapBytes(file), "byte"),
+                           ? nothing + (file.written ? "" : ", not written")
+                           : fmt::format("{}; {} of micromaps + {} of indices, {}, {}", share,
+                                         counted(micromapBytes(file), "byte"), grouped(file.indexBytes),
                                          counted(file.primitives.size(), "primitive"), counted(triangles, "triangle"));
     std::error_code error;
     if (!file.written && std::filesystem::exists(file.job.output, error))
@@ -259,6 +261,8 @@ BakeFileReport reportOf(const BakeJob &job, FileBake result)
     for (const BakedPrimitive &primitive : result.bake.primitives) {
         const uint32_t micromap = primitive.micromap.micromap;
         report.primitives.push_back(reportOf(primitive, result.bake.micromaps[micromap], shares[micromap]));
+        report.indexBytes +=
+            primitive.micromap.indices.size() * micromapIndexBytes(result.bake.micromaps[micromap].triangles.size());
     }
     return report;
 }

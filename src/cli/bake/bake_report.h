@@ -46,6 +46,7 @@ struct BakeFileReport {
     std::vector<std::pair<std::filesystem::path, uint64_t>> files; // FileBake::files
     std::vector<BakedReport> primitives;
     std::vector<MicromapSummary> micromaps;
+    uint64_t indexBytes = 0; // of the micromap indices of all primitives
     std::vector<SkippedPrimitive> skipped;
     std::optional<SurfaceShares> surface;
     size_t cacheHits = 0; // and misses: both 0 without a cache

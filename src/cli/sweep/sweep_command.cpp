@@ -158,6 +158,7 @@ void printSweep(const Sweep &sweep)
     }
     if (sweep.recommendation)
         fmt::print("recommended: {}: {}\n", sweep.recommendation->options, sweep.recommendation->reason);
+    fmt::print("{}\n", kBytesText);
     fmt::print("{}\n", kApproximateText);
     fmt::print("{}\n", kShaderCallsText);
     if (const std::string text = exclusionsText(sweep); !text.empty())
