@@ -69,7 +69,9 @@ void writeMicromaps(std::span<const MicromapSummary> micromaps, JsonWriter &json
 
 std::string reasonFor(const SkippedPrimitive &skipped)
 {
-    return skipped.reason + (skipped.hasFallback ? "; --fallback-images bakes from another image of the texture" : "");
+    return skipped.reason + (skipped.code == SkipReason::AlphaModeBlend ? "; --blend bakes it"
+                             : skipped.hasFallback ? "; --fallback-images bakes from another image of the texture"
+                                                   : "");
 }
 
 std::string describe(const SkippedPrimitive &skipped)

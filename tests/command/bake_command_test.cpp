@@ -858,12 +858,22 @@ TEST(BakeCommand, WritesNoFileThatEqualsItsInput)
                              ": nothing to bake, not written; 1 alpha-tested primitive skipped (alphaMode BLEND: 1 "
                              "primitive of 1 material; --blend bakes it)";
     EXPECT_EQ(one.output.substr(0, line.size()), line);
-    EXPECT_NE(one.output.find("1 output was not written"), std::string::npos) << one.output;
+    EXPECT_NE(one.output.find("\nthe output was not written, as nothing is baked; --copy"), std::string::npos)
+        << one.output;
     EXPECT_EQ(entries(folder.path()), (std::vector<std::string>{"in", "in/oak.glb", "in/rock.glb", "in/tree.glb"}));
 
     const Outcome all = runVellum({"bake", in, "-o", out, "--report"});
     EXPECT_EQ(all.exitCode, 0) << all.errors;
-    EXPECT_NE(all.output.find("2 outputs were not written"), std::string::npos) << all.output;
+    EXPECT_NE(all.output.find("\n1 file baked, 2 not written (nothing to bake; --copy writes copies)\n"),
+              std::string::npos)
+        << all.output;
+    writeFile(folder / "in/broken.glb", {'x'});
+    const Outcome broken = runVellum({"bake", in, "-o", out, "--copy"});
+    EXPECT_NE(broken.output.find("\n1 file baked, 2 written with nothing baked, 1 failed\n"), std::string::npos)
+        << broken.output;
+    fs::remove(folder / "in/broken.glb");
+    fs::remove_all(out);
+    EXPECT_EQ(runVellum({"bake", in, "-o", out}).exitCode, 0);
     EXPECT_EQ(entries(out), (std::vector<std::string>{"oak.glb"}));
     const Outcome json = runVellum({"bake", in, "-o", out, "--json"});
     EXPECT_NE(json.output.find("\"written\": true"), std::string::npos) << json.output;

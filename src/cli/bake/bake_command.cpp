@@ -350,12 +350,8 @@ int bakeCommand(BakeCommandOptions &options)
         std::printf("no file is in this shard\n");
     if (options.dryRun && !options.json)
         std::printf("nothing was written (--dry-run)\n");
-    const auto unchanged = std::count_if(reports.begin(), reports.end(), [](const BakeFileReport &report) {
-        return report.error.empty() && !report.written;
-    });
-    if (unchanged != 0 && !options.bake.requireMicromaps && !options.json)
-        std::printf("%s not written, as nothing is baked; --copy writes copies of such inputs\n",
-                    counted(static_cast<size_t>(unchanged), "output was", "outputs were").c_str());
+    if (const std::string text = totals(reports); !text.empty() && !options.json)
+        std::printf("%s\n", text.c_str());
     std::fflush(stdout);
     ExitCode code = printProblems(reports);
     if (cache && !cache->problem().empty())

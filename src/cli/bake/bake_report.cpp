@@ -311,6 +311,31 @@ void printTable(const std::vector<BakeFileReport> &files)
     }
 }
 
+std::string totals(const std::vector<BakeFileReport> &files)
+{
+    std::array<size_t, 4> counts{};
+    auto &[baked, unwritten, copied, failed] = counts;
+    for (const BakeFileReport &file : files) {
+        if (!file.ended)
+            return "";
+        ++(file.code != ExitCode::Success ? failed
+           : !file.primitives.empty()     ? baked
+           : file.written                 ? copied
+                                          : unwritten);
+    }
+    if (files.size() < 2)
+        return unwritten == 0 ? ""
+                              : "the output was not written, as nothing is baked; --copy writes a copy of the input";
+    std::string text = counted(baked, "file") + " baked";
+    if (unwritten != 0)
+        text += fmt::format(", {} not written (nothing to bake; --copy writes copies)", grouped(unwritten));
+    if (copied != 0)
+        text += fmt::format(", {} written with nothing baked", grouped(copied));
+    if (failed != 0)
+        text += fmt::format(", {} failed", grouped(failed));
+    return text;
+}
+
 void printJson(const std::vector<BakeFileReport> &files, size_t done, bool dryRun)
 {
     JsonWriter json;

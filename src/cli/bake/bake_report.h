@@ -60,6 +60,9 @@ std::string skippedText(const BakeFileReport &file);
 
 void printLines(const std::vector<BakeFileReport> &files);
 void printTable(const std::vector<BakeFileReport> &files);
+// What became of several files, in a line; of one, why it was not written. Empty if there is nothing to add, and where
+// the run ended early, which has a line of its own.
+std::string totals(const std::vector<BakeFileReport> &files);
 // `done`: the number of files that earlier logs have as done.
 void printJson(const std::vector<BakeFileReport> &files, size_t done, bool dryRun);
 
