@@ -73,6 +73,9 @@ struct BakePlan {
 // shard, or a file that vellum did not write. Only files of the plan are read.
 BakePlan planBake(const BakeCommandOptions &options);
 
+// A digest of the options that outputs depend on, for logs.
+std::string digestOf(const BakeCommandOptions &options);
+
 // Bakes all files and prints the report. Returns the exit code.
 int bakeCommand(BakeCommandOptions &options);
 

@@ -140,6 +140,7 @@ private:
     UnmatchedExclusions &exclusions_;
     std::vector<BakeJob> jobs_;
     job::Log *log_;
+    std::string digest_; // of the options
     Storage storage_;
     DecodedImages images_;
     BakeRun result_;
@@ -155,8 +156,8 @@ private:
 
 Bakery::Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs, UnmatchedExclusions &exclusions,
                job::Log *log)
-    : options_(options), exclusions_(exclusions), jobs_(std::move(jobs)), log_(log), order_(jobs_.size()),
-      threads_(threadCount(options.threads)), progress_("baking"), shares_(jobs_.size())
+    : options_(options), exclusions_(exclusions), jobs_(std::move(jobs)), log_(log), digest_(digestOf(options)),
+      order_(jobs_.size()), threads_(threadCount(options.threads)), progress_("baking"), shares_(jobs_.size())
 {
     result_.reports.resize(jobs_.size());
     for (const BakeJob &job : jobs_) {
@@ -255,7 +256,7 @@ void Bakery::log(const BakeFileReport &report, uint64_t milliseconds)
                          : report.replaced                ? job::kRemoved
                                                           : job::kUnchanged;
     try {
-        log_->add({report.job.input, report.job.output, status, report.inputBytes, report.files, milliseconds,
+        log_->add({report.job.input, report.job.output, status, digest_, report.inputBytes, report.files, milliseconds,
                    report.error.empty() ? report.failure : report.error});
     } catch (const Error &error) {
         const std::lock_guard lock(reporting_);

@@ -192,7 +192,8 @@ std::string Conflicts::problemOf(size_t number)
     for (const FilesBeside::Copy &copy : beside_[number].copies)
         writes.try_emplace(locationOf(copy.to), Write{job.input, copy.from});
     for (const FilesBeside::Copy &copy : beside_[number].copies)
-        if (const auto reader = reads_.find(locationOf(copy.to)); reader != reads_.end() && !sameBytes(copy.from, copy.to))
+        if (const auto reader = reads_.find(locationOf(copy.to));
+            reader != reads_.end() && !sameBytes(copy.from, copy.to))
             return "the copy " + utf8Text(copy.to) + " is read for " + utf8Text(reader->second);
     for (const auto &[location, write] : writes) {
         const auto other = writes_.find(location);
@@ -253,13 +254,19 @@ std::vector<BakeJob> listedJobs(const BakeCommandOptions &options)
 size_t removeDone(const BakeCommandOptions &options, std::vector<BakeJob> &jobs)
 {
     std::error_code error;
-    job::DoneFiles done;
+    job::DoneFiles done(digestOf(options));
     for (const fs::path &log : options.resume)
         if (log != options.log || fs::exists(log, error)) // it is made when the first file has ended
             done.add(log);
     if (!done.empty() && !jobs.empty() &&
         std::none_of(jobs.begin(), jobs.end(), [&](const BakeJob &job) { return done.names(job.input, job.output); }))
         std::fprintf(stderr, "vellum: the logs of --resume name none of these files\n");
+    const auto others =
+        std::ranges::count_if(jobs, [&](const BakeJob &job) { return done.hasOtherOptions(job.input, job.output); });
+    if (others != 0)
+        std::fprintf(stderr, "vellum: %s done before with other options or another version, and %s baked again\n",
+                     counted(static_cast<size_t>(others), "file was", "files were").c_str(),
+                     others == 1 ? "is" : "are");
     return std::erase_if(jobs, [&](const BakeJob &job) { return done.contains(job.input, job.output); });
 }
 
