@@ -199,7 +199,7 @@ public:
     explicit Micromap(VellumMicromap *micromap) : micromap_(micromap)
     {
         info_.structSize = sizeof info_;
-        check(vellumGetMicromapInfo(micromap, &info_));
+        check(vellumGetMicromapInfo(micromap, &info_), "result", 0);
     }
     Micromap(Micromap &&other) noexcept
         : micromap_(std::move(other.micromap_)), info_(std::exchange(other.info_, VellumMicromapInfo{}))
@@ -231,14 +231,14 @@ public:
     {
         VellumGeometryInfo info{};
         info.structSize = sizeof info;
-        check(vellumGetGeometryInfo(micromap_.get(), input, &info));
+        check(vellumGetGeometryInfo(micromap_.get(), input, &info), "input", input);
         return {{info.indices, info.indexCount}, {info.usages, info.usageCount}};
     }
     // Looks up a state like vellumGetState(). Throws Error if there is no such triangle.
     [[nodiscard]] State state(std::size_t triangle, float u, float v) const
     {
         std::uint32_t state = 0;
-        check(vellumGetState(micromap_.get(), triangle, u, v, &state));
+        check(vellumGetState(micromap_.get(), triangle, u, v, &state), "triangle", triangle);
         return static_cast<State>(state);
     }
     // For functions of vellum/vellum.h. The Micromap keeps ownership. Null if it is empty.
@@ -248,10 +248,13 @@ private:
     struct Destroy {
         void operator()(VellumMicromap *micromap) const { vellumDestroyMicromap(micromap); }
     };
-    static void check(VellumResult result)
+    // The C functions have no message. `what`, `number`: the element that the function looks up.
+    void check(VellumResult result, const char *what, std::size_t number) const
     {
-        if (result != VELLUM_SUCCESS)
-            throw Error(result, vellumResultName(result));
+        if (result == VELLUM_SUCCESS)
+            return;
+        throw Error(result, micromap_ ? std::string("there is no ") + what + " " + std::to_string(number)
+                                      : "there is no micromap");
     }
 
     std::unique_ptr<VellumMicromap, Destroy> micromap_;

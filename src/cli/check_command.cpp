@@ -454,6 +454,9 @@ int checkCommand(const CheckOptions &options)
         return list(options);
     if (!options.merge.empty())
         return merge(options);
+    for (const auto &file : {options.results, options.junit})
+        if (file)
+            checkFolderOf(*file);
     const Interruptible interruptible;
     prepareEnvironment(options);
     CaseSelection selection = selectionOf(options);

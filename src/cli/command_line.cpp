@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 
 #include "base/error.h"
 #include "base/process.h"
@@ -12,6 +13,7 @@
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/options.h"
+#include "core/utf8_path.h"
 #include "gltf/micromaps/stored_micromaps.h"
 #include "inspect/report_parts.h"
 
@@ -67,8 +69,26 @@ std::function<int()> declareHelpCommand(CLI::App &app)
     };
 }
 
+// What an argument that is not expected may be due to: a file whose name begins like an option, or a value that must be
+// behind "=". Empty if neither is.
+std::string hintFor(const CLI::App &command, const std::string &argument, const std::vector<std::string> &line)
+{
+    std::error_code error;
+    if (argument.starts_with('-') && std::filesystem::exists(utf8Path(argument), error))
+        return "; the file of this name is ./" + argument;
+    for (size_t i = 0; i + 1 < line.size(); ++i) {
+        const CLI::Option *option =
+            line[i].starts_with("--") && line[i] != "--" ? command.get_option_no_throw(line[i]) : nullptr;
+        const bool takesValue =
+            option != nullptr && option->get_expected_max() == 0 && !option->get_type_name().empty();
+        if (takesValue && !line[i + 1].starts_with('-'))
+            return "; a value of " + line[i] + " follows it by =: " + line[i] + "=" + line[i + 1];
+    }
+    return "";
+}
+
 // CLI11's errors, with the option and its range first, in one line.
-std::string messageOf(const CLI::App &app, const CLI::ParseError &error)
+std::string messageOf(const CLI::App &app, const CLI::ParseError &error, const std::vector<std::string> &line)
 {
     const std::vector<CLI::App *> subcommands = app.get_subcommands();
     const CLI::App &command = subcommands.empty() ? app : *subcommands.front();
@@ -84,6 +104,7 @@ std::string messageOf(const CLI::App &app, const CLI::ParseError &error)
         text = word.starts_with('-')
                    ? option + " is not an option of " + name + suggestion(option, optionNames(command))
                    : "unexpected argument " + word;
+        text += hintFor(command, word, line);
     } else if (dynamic_cast<const CLI::ArgumentMismatch *>(&error) != nullptr && colon != std::string::npos) {
         text = text.substr(0, colon) + " takes one value";
     } else if (dynamic_cast<const CLI::ValidationError *>(&error) != nullptr && colon != std::string::npos) {
@@ -171,7 +192,7 @@ int runCommandLine(const std::vector<std::string> &words)
     } catch (const CLI::Success &request) {                                // --help and --version
         return app.exit(request);
     } catch (const CLI::ParseError &error) {
-        throw UsageError(messageOf(app, error));
+        throw UsageError(messageOf(app, error, words));
     }
     const CLI::App &command = *app.get_subcommands().front();
     rejectVariablesPassedOver(command);

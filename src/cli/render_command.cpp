@@ -182,7 +182,7 @@ int renderOne(const RenderOptions &options, gpu::Device &device, const render::R
     const render::CandidateCount count = renderer->count();
     fmt::print("candidates  {:.3f} per ray handed to the shader\n", count.perRay());
     if (!micromaps.empty())
-        fmt::print("memory      {} bytes of micromaps\n", grouped(renderer->micromapBytes()));
+        fmt::print("memory      {} bytes of the device for micromaps\n", grouped(renderer->micromapBytes()));
     writePicture(options.output, renderer->picture(), data);
     return 0;
 }
@@ -244,7 +244,7 @@ void printComparison(const RenderOptions &options, Contest &contest, const Paire
                ratio.middle);
     fmt::print("| candidates to the shader / ray | {:>12.3f} | {:>12.3f} | {:>9} |\n", counts[0], counts[1],
                candidates);
-    fmt::print("| micromap bytes                 | {:>12} | {:>12} | {:>9} |\n", 0,
+    fmt::print("| device memory of micromaps, B  | {:>12} | {:>12} | {:>9} |\n", 0,
                grouped(contest.omm.micromapBytes()), "");
     fmt::print("| differing pixels               | {:>12} | {:>12} | {:>9} |\n\n", "", grouped(differing),
                fmt::format("{:.4f} %", 100 * static_cast<double>(differing) / pixels));

@@ -142,21 +142,27 @@ std::string times(const MessageSummary::Kind &kind)
     return kind.count == 1 ? "" : fmt::format(" ({} times)", kind.count);
 }
 
+constexpr const char *kNotValidated = "not validated: add --validate";
+
 // Why nothing was checked; empty if something was.
 std::string whyUnchecked(const MessageSummary &summary)
 {
     if (summary.checked != 0)
         return "";
-    return summary.devices == 0
-               ? "no device used micromaps through the layer"
-               : "no micromap or acceleration structure was built on a device with validation (--validate)";
+    if (summary.devices == 0)
+        return "no device used micromaps through the layer";
+    // --validate sets the first one.
+    for (const char *name : {"VELLUM_VALIDATE", "VK_VELLUM_VALIDATE", "VK_VELLUM_OPACITY_MICROMAP_VALIDATE"})
+        if (const std::string parts = variable(name).value_or("none"); parts != "none" && !parts.empty())
+            return "no micromap or acceleration structure was built on a device with validation";
+    return kNotValidated;
 }
 
 // Prints to stderr.
 void print(const MessageSummary &summary)
 {
     if (const std::string why = whyUnchecked(summary); !why.empty())
-        fmt::print(stderr, "vellum run: nothing was checked: {}\n", why);
+        fmt::print(stderr, "vellum run: {}{}\n", why == kNotValidated ? "" : "nothing was checked: ", why);
     fmt::print(stderr, "vellum run: {}, {}, {} checked\n", countOf(summary.errors, "error"),
                countOf(summary.warnings, "warning"), countOf(summary.checked, "device"));
     for (const MessageSummary::Kind &kind : summary.kinds)

@@ -244,19 +244,23 @@ const char *actionOf(const SpirvOptions &options)
 }
 
 // Returns whether the output may be replaced without --force: a module, which cannot record who wrote it, but not the
-// input, and not an operand: *.spv in a folder of two modules is IN OUT.
+// input. Throws Error for an operand that would be: *.spv in a folder of two modules is IN OUT.
 bool replacesModule(const SpirvOptions &options)
 {
-    if (options.operandOutput)
-        return false;
     std::error_code error;
-    if (std::filesystem::equivalent(options.inputs.front(), *options.output, error))
+    if (isStandardStream(*options.output) || !std::filesystem::exists(*options.output, error) ||
+        std::filesystem::equivalent(options.inputs.front(), *options.output, error))
         return false;
     try {
-        return !isStandardStream(*options.output) && !readModule(*options.output).empty();
+        if (readModule(*options.output).empty())
+            return false;
     } catch (const Error &) {
         return false;
     }
+    if (options.operandOutput)
+        throw Error(utf8Text(*options.output) + " exists, and the second of two operands replaces nothing: -o " +
+                    utf8Text(*options.output) + " or --force does");
+    return true;
 }
 
 int changeCommand(const SpirvOptions &options)

@@ -55,7 +55,7 @@ constexpr std::array<OfDriver, 9> kOfDrivers{{
     // these two.
     {{Fault::FirstVertexIgnored, "builds ignore firstVertex", "it is 0"}, VK_DRIVER_ID_MESA_LLVMPIPE, 0, kMesa26},
     {{Fault::FourthComponentTransformed,
-      "transformData moves vertices by as much as their fourth component, which is to be ignored, says",
+      "transformData moves vertices by as much as their fourth component, which is to be ignored",
       "geometries whose vertex format has four components have no transformData"},
      VK_DRIVER_ID_MESA_LLVMPIPE,
      0,

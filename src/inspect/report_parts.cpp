@@ -69,7 +69,9 @@ void writeMicromaps(std::span<const MicromapSummary> micromaps, JsonWriter &json
 
 std::string reasonFor(const SkippedPrimitive &skipped)
 {
-    return skipped.reason + (skipped.hasFallback ? "; --fallback-images bakes from another image of the texture" : "");
+    return skipped.reason + (skipped.code == SkipReason::AlphaModeBlend ? "; --blend bakes it"
+                             : skipped.hasFallback ? "; --fallback-images bakes from another image of the texture"
+                                                   : "");
 }
 
 std::string describe(const SkippedPrimitive &skipped)
@@ -93,6 +95,8 @@ std::vector<std::string> unreadableFormats()
         formats.emplace_back("WebP and AVIF images");
     if (!kDecompressesMeshes)
         formats.emplace_back("geometry compressed by Draco or meshoptimizer");
+    if (const std::string what = undecodableByMeshoptimizer(); !what.empty())
+        formats.push_back("geometry by EXT_meshopt_compression and KHR_meshopt_compression with " + what);
     return formats;
 }
 

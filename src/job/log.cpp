@@ -119,7 +119,7 @@ void Log::add(const LogLine &line)
         outputBytes += bytes;
     JsonWriter json(JsonStyle::Compact);
     json.beginObject().member("input", nameOf(line.input)).member("output", nameOf(line.output));
-    json.member("time", now()).member("status", line.status);
+    json.member("time", now()).member("status", line.status).member("options", line.options);
     json.member("bytes", line.bytes).member("outputBytes", outputBytes);
     json.list("files", line.files, [&](const auto &file) {
         json.beginObject().member("file", nameOf(file.first)).member("bytes", file.second).end();
@@ -136,7 +136,10 @@ void DoneFiles::add(const std::filesystem::path &log)
     forEachLine(log, [&](const std::string &line) {
         try {
             const JsonReader json(line);
-            State state{.time = json.text("time"), .done = json.text("status") != kFailed, .written = {}};
+            State state{.time = json.text("time"),
+                        .options = json.text("options"),
+                        .done = json.text("status") != kFailed,
+                        .written = {}};
             json.forEach("files", [&](const rapidjson::Value &file) {
                 state.written.emplace_back(locationNamed(JsonReader::textOf(file, "file")),
                                            JsonReader::numberOf(file, "bytes"));
@@ -168,14 +171,24 @@ bool DoneFiles::names(const std::filesystem::path &input, const std::filesystem:
     return find(input, output) != nullptr;
 }
 
-bool DoneFiles::contains(const std::filesystem::path &input, const std::filesystem::path &output) const
+bool DoneFiles::isDone(const State &state)
 {
-    const State *const state = find(input, output);
-    return state != nullptr && state->done &&
-           std::all_of(state->written.begin(), state->written.end(), [](const auto &file) {
+    return state.done && std::all_of(state.written.begin(), state.written.end(), [](const auto &file) {
                std::error_code error;
                return std::filesystem::file_size(file.first, error) == file.second && !error;
            });
+}
+
+bool DoneFiles::contains(const std::filesystem::path &input, const std::filesystem::path &output) const
+{
+    const State *const state = find(input, output);
+    return state != nullptr && state->options == options_ && isDone(*state);
+}
+
+bool DoneFiles::hasOtherOptions(const std::filesystem::path &input, const std::filesystem::path &output) const
+{
+    const State *const state = find(input, output);
+    return state != nullptr && state->options != options_ && isDone(*state);
 }
 
 } // namespace vellum::job

@@ -25,7 +25,8 @@ struct LogLine {
     std::filesystem::path input;
     std::filesystem::path output;
     std::string status;
-    uint64_t bytes = 0; // of the input
+    std::string options; // a digest of those that matter
+    uint64_t bytes = 0;  // of the input
     // What was written, the files that the output names included, with their sizes.
     std::vector<std::pair<std::filesystem::path, uint64_t>> files{};
     uint64_t milliseconds = 0;
@@ -46,21 +47,27 @@ private:
     AppendedFile file_;
 };
 
-// What logs have as done: the newest line of an input and output is not a failure, and all that was written is there
-// still, with its size.
+// What logs have as done: the newest line of an input and output is not a failure and has the same options, and all
+// that was written is there still, with its size.
 class DoneFiles
 {
 public:
+    // `options`: LogLine::options of this run.
+    explicit DoneFiles(std::string options) : options_(std::move(options)) {}
+
     // Adds the lines of a log. Throws Error if it cannot be read or is not a log.
     void add(const std::filesystem::path &log);
     [[nodiscard]] bool empty() const { return files_.empty(); }
     // Returns whether there is a line of them.
     [[nodiscard]] bool names(const std::filesystem::path &input, const std::filesystem::path &output) const;
     [[nodiscard]] bool contains(const std::filesystem::path &input, const std::filesystem::path &output) const;
+    // Returns whether it would be done if the options were the same.
+    [[nodiscard]] bool hasOtherOptions(const std::filesystem::path &input, const std::filesystem::path &output) const;
 
 private:
     struct State {
         std::string time;
+        std::string options;
         bool done = false;
         std::vector<std::pair<std::filesystem::path, uint64_t>> written;
     };
@@ -71,7 +78,9 @@ private:
     };
 
     [[nodiscard]] const State *find(const std::filesystem::path &input, const std::filesystem::path &output) const;
+    static bool isDone(const State &state);
 
+    std::string options_;
     std::map<Names, State, NamesOrder> files_;
 };
 

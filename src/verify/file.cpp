@@ -105,9 +105,9 @@ std::string FileVerifier::cautionFor(PrimitivePlace place, const Primitive &prim
     std::string caution;
     const auto add = [&](const std::string &reason) { caution += (caution.empty() ? "" : "; ") + reason; };
     if (primitive.morphed)
-        add("a morph target changes its texture coordinates or alpha");
+        add("a morph target changes its texture coordinates or alpha: verified without it");
     if (const auto reason = changing_.reason(place))
-        add(*reason);
+        add(*reason + ": verified without it");
     if (material.alphaMode == AlphaMode::Blend && blendCutoff_)
         add(blendCaution(*blendCutoff_, "verified"));
     if (primitive.twofold)

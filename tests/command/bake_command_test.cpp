@@ -697,7 +697,7 @@ TEST(BakeCommand, ReplacesOnlyItsOwnOutputs)
     }
     // And one whose micromaps were removed.
     for (const char *name : {"1", "1", "2"}) {
-        const Outcome removed = runVellum({"bake", (folder / "other.glb").string(), (folder / "un.glb").string(),
+        const Outcome removed = runVellum({"bake", (folder / "other.glb").string(), "-o", (folder / "un.glb").string(),
                                            "--exclude-material", "*", "--level", name});
         EXPECT_EQ(removed.exitCode, 0) << removed.errors;
     }
@@ -708,6 +708,59 @@ TEST(BakeCommand, ReplacesOnlyItsOwnOutputs)
     EXPECT_EQ(runVellum({"bake", plain, (folder / "twin.glb").string(), "--copy"}).exitCode, 1);
     EXPECT_EQ(runVellum({"bake", plain, (folder / "twin.glb").string()}).exitCode, 1);
     EXPECT_EQ(readFile(folder / "twin.glb"), other);
+}
+
+// *.omm.glb in a folder with two outputs.
+TEST(BakeCommand, TwoEarlierOutputsAreNoInAndOut)
+{
+    const TemporaryFolder folder;
+    const std::string a = (folder / "a.omm.glb").string();
+    const std::string b = (folder / "b.omm.glb").string();
+    writeFile(folder / "a.glb", cardGlb());
+    writeFile(folder / "b.glb", cardGlb({{"\"leaf\"", "\"oak\""}}));
+    for (const char *name : {"a.glb", "b.glb"})
+        EXPECT_EQ(runVellum({"bake", (folder / name).string()}).exitCode, 0);
+    const Bytes before = readFile(b);
+    const Outcome rejected = runVellum({"bake", a, b, "--level", "4"});
+    EXPECT_EQ(rejected.exitCode, 2) << rejected.output;
+    EXPECT_EQ(rejected.errorLines(), 1) << rejected.errors;
+    EXPECT_NE(rejected.errors.find("of two operands the second is the output; -o " + b + " replaces it"),
+              std::string::npos)
+        << rejected.errors;
+    EXPECT_EQ(readFile(b), before);
+    for (const std::vector<std::string> &given : {std::vector<std::string>{a, "-o", b}, {a, b, "--force"}}) {
+        std::vector<std::string> bake = {"bake"};
+        bake.insert(bake.end(), given.begin(), given.end());
+        const Outcome replaced = runVellum(bake);
+        EXPECT_EQ(replaced.exitCode, 0) << replaced.errors;
+        EXPECT_TRUE(replaced.output.starts_with(a + " -> " + b + ": ")) << replaced.output;
+        EXPECT_NE(replaced.output.find("; the input had micromaps already, which were replaced"), std::string::npos)
+            << replaced.output;
+    }
+    // A model is baked again to the same output.
+    const std::string model = (folder / "a.glb").string();
+    EXPECT_EQ(runVellum({"bake", model, b}).exitCode, 0);
+    EXPECT_EQ(runVellum({"bake", a, (folder / "new.glb").string()}).exitCode, 0);
+}
+
+TEST(BakeCommand, AFolderNeedsAFolder)
+{
+    const TemporaryFolder folder;
+    const std::string name = folder.path().string();
+    writeFile(folder / "a.glb", cardGlb());
+    EXPECT_EQ(runVellum({"bake", name}).errors,
+              "vellum: " + name + " is a folder, which needs an output folder: -o FOLDER\n");
+}
+
+// Not so that the outputs are there and the build fails.
+TEST(BakeCommand, ANameThatADepfileCannotHaveIsFoundFirst)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "a%b.glb", cardGlb());
+    const Outcome outcome = runVellum({"bake", (folder / "a%b.glb").string(), "--depfile", (folder / "a.d").string()});
+    EXPECT_EQ(outcome.exitCode, 1);
+    EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
+    EXPECT_EQ(entries(folder.path()), (std::vector<std::string>{"a%b.glb"}));
 }
 
 // What was baked from an earlier input does not stay.
@@ -805,12 +858,22 @@ TEST(BakeCommand, WritesNoFileThatEqualsItsInput)
                              ": nothing to bake, not written; 1 alpha-tested primitive skipped (alphaMode BLEND: 1 "
                              "primitive of 1 material; --blend bakes it)";
     EXPECT_EQ(one.output.substr(0, line.size()), line);
-    EXPECT_NE(one.output.find("1 output was not written"), std::string::npos) << one.output;
+    EXPECT_NE(one.output.find("\nthe output was not written, as nothing is baked; --copy"), std::string::npos)
+        << one.output;
     EXPECT_EQ(entries(folder.path()), (std::vector<std::string>{"in", "in/oak.glb", "in/rock.glb", "in/tree.glb"}));
 
     const Outcome all = runVellum({"bake", in, "-o", out, "--report"});
     EXPECT_EQ(all.exitCode, 0) << all.errors;
-    EXPECT_NE(all.output.find("2 outputs were not written"), std::string::npos) << all.output;
+    EXPECT_NE(all.output.find("\n1 file baked, 2 not written (nothing to bake; --copy writes copies)\n"),
+              std::string::npos)
+        << all.output;
+    writeFile(folder / "in/broken.glb", {'x'});
+    const Outcome broken = runVellum({"bake", in, "-o", out, "--copy"});
+    EXPECT_NE(broken.output.find("\n1 file baked, 2 written with nothing baked, 1 failed\n"), std::string::npos)
+        << broken.output;
+    fs::remove(folder / "in/broken.glb");
+    fs::remove_all(out);
+    EXPECT_EQ(runVellum({"bake", in, "-o", out}).exitCode, 0);
     EXPECT_EQ(entries(out), (std::vector<std::string>{"oak.glb"}));
     const Outcome json = runVellum({"bake", in, "-o", out, "--json"});
     EXPECT_NE(json.output.find("\"written\": true"), std::string::npos) << json.output;

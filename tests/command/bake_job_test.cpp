@@ -399,6 +399,44 @@ TEST(BakeJob, ResumingNeedsAllFilesOfAnOutput)
               std::string::npos);
 }
 
+TEST(BakeJob, WhatWasDoneWithOtherOptionsIsBakedAgain)
+{
+    const TemporaryFolder folder;
+    fs::create_directories(folder / "in");
+    for (const char *name : {"in/a.glb", "in/b.glb"})
+        writeFile(folder / name, cardGlb());
+    const std::string log = (folder / "log").string();
+    const auto bake = [&](std::vector<std::string> options) {
+        options.insert(options.begin(), {"bake", (folder / "in").string(), "-o", (folder / "out").string(), "--log",
+                                         log, "--resume", log});
+        return runVellum(options);
+    };
+    EXPECT_EQ(bake({"--level", "5"}).exitCode, 0);
+    // What does not matter to outputs, and a value that is the default.
+    for (const std::vector<std::string> &same :
+         {std::vector<std::string>{"-j", "1"}, {"--report"}, {"--value-tolerance", "0.00784313725490196"}}) {
+        std::vector<std::string> options = {"--level", "5"};
+        options.insert(options.end(), same.begin(), same.end());
+        EXPECT_NE(bake(options).output.find("2 files were done before\n"), std::string::npos) << same.front();
+    }
+    size_t before = linesOf(textOf(log)).size();
+    for (const std::vector<std::string> &other : {std::vector<std::string>{"--level", "2"},
+                                                  {"--level", "5", "--states", "2"},
+                                                  {"--level", "5", "--blend"},
+                                                  {"--level", "5", "--exclude-mesh", "x"},
+                                                  {"--level", "5", "--min-known", "0.1"},
+                                                  {"--level", "5", "--copy"}}) {
+        const Outcome outcome = bake(other);
+        EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+        EXPECT_EQ(outcome.output.find("done before"), std::string::npos) << outcome.output;
+        EXPECT_NE(outcome.errors.find("vellum: 2 files were done before with other options or another version, and are "
+                                      "baked again\n"),
+                  std::string::npos)
+            << other.back() << outcome.errors;
+        EXPECT_EQ(linesOf(textOf(log)).size(), before += 2);
+    }
+}
+
 TEST(BakeJob, AFileWithoutTheRequiredMicromapsHasFailed)
 {
     const TemporaryFolder folder;

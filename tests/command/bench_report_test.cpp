@@ -112,6 +112,8 @@ TEST(BenchReport, ABusyMachineIsNoisy)
         return verdictOf({framesOf(rows)}).at(0).starts_with("Noisy: run again. ");
     };
     EXPECT_TRUE(noisy({wide, wide, quiet}));
+    EXPECT_NE(benchJson({framesOf({wide, wide, quiet})}, {}, 1).find("\"noisy\":true"), std::string::npos);
+    EXPECT_NE(benchJson({framesOf({quiet})}, {}, 1).find("\"noisy\":false"), std::string::npos);
     EXPECT_EQ(verdictOf({framesOf({wide, quiet})}),
               (std::vector<std::string>{
                   "Noisy: run again. No times are compared: those of 1 of 2 comparisons of frames spread by more than "

@@ -54,6 +54,9 @@ TEST(CommandLine, VersionAndWhatTheBuildCannotRead)
         expected += "this build cannot read WebP and AVIF images\n";
     if (!vellum::kDecompressesMeshes)
         expected += "this build cannot read geometry compressed by Draco or meshoptimizer\n";
+    if (!vellum::undecodableByMeshoptimizer().empty())
+        expected += R"(this build cannot read geometry by EXT_meshopt_compression and KHR_meshopt_compression with .+ )"
+                    R"(\(meshoptimizer \d+\.\d+\)\n)";
     EXPECT_TRUE(std::regex_match(version, std::regex(expected))) << version;
 }
 
@@ -146,7 +149,10 @@ TEST(CommandLine, ErrorsNameTheOptionAndItsRange)
         {{"bake", "a.glb", "--max-level", "13"}, "--max-level must be a whole number between 0 and 12, got 13"},
         {{"bake", "a.glb", "--level", "13"}, "--level must be auto or a whole number between 0 and 12, got 13"},
         {{"bake", "a.glb", "--budget", "2T"}, "--budget must be a number of bytes like 1500, 64K, 2M or 1G, got 2T"},
-        {{"bake", "a.glb", "--value-tolerance", "-1"}, "--value-tolerance must be a number of at least 0, got -1"},
+        {{"bake", "a.glb", "--value-tolerance", "-1"}, "--value-tolerance must be between 0 and 1, got -1"},
+        {{"bake", "a.glb", "--value-tolerance", "5"}, "--value-tolerance must be between 0 and 1, got 5"},
+        {{"run", "--validate", "core", "--", "true"},
+         "unexpected argument true; a value of --validate follows it by =: --validate=core (see vellum run --help)"},
         {{"bake", "a.glb", "--states", "3"}, "--states must be one of 2|4, got 3"},
         {{"bake", "a.glb", "--two-state-rule", "opaqe"},
          "--two-state-rule must be one of nearest|opaque|transparent, got opaqe; did you mean opaque?"},
@@ -183,6 +189,38 @@ TEST(CommandLine, ErrorsNameTheOptionAndItsRange)
         EXPECT_EQ(outcome.output, "");
     }
 }
+
+TEST(CommandLine, AFileWithADashInFront)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "-dash.glb", cardGlb());
+    const std::filesystem::path before = std::filesystem::current_path();
+    std::filesystem::current_path(folder.path());
+    const Outcome outcome = runVellum({"bake", "-dash.glb"});
+    std::filesystem::current_path(before);
+    EXPECT_EQ(outcome.exitCode, 2);
+    EXPECT_EQ(outcome.errors, "vellum: -dash.glb is not an option of vellum bake; the file of this name is ./-dash.glb "
+                              "(see vellum bake --help)\n");
+}
+
+#ifdef __linux__ // where root may write everywhere, and cannot
+TEST(CommandLine, OutputsThatCannotBeMadeAreFoundBeforeTheWork)
+{
+    for (const std::vector<std::string> &arguments :
+         {std::vector<std::string>{"bench", "-o", "/proc/x.html"},
+          {"inspect", "none.glb", "-o", "/proc/x.html"}, // not read before
+          {"sweep", "none.glb", "-o", "/proc/x.html"},
+          {"check", "--filter", "khr.levels.*", "--results", "/proc/x.csv"},
+          {"check", "--filter", "khr.levels.*", "--junit", "/proc/x.xml"}}) {
+        const Outcome outcome = runVellum(arguments);
+        EXPECT_EQ(outcome.exitCode, 1) << arguments.front();
+        EXPECT_EQ(outcome.output, "") << arguments.front();
+        EXPECT_TRUE(has(outcome.errors, "vellum: /proc/x.") && has(outcome.errors, "cannot be written"))
+            << outcome.errors;
+        EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
+    }
+}
+#endif
 
 #ifndef _WIN32
 TEST(CommandLine, BinaryOutputsDoNotGoToATerminal)

@@ -164,7 +164,8 @@ TEST_F(GltfReport, InspectBakesWithTheOptionsOfBake)
     EXPECT_EQ(lineOf(blended, "levels"), "levels      2: 2");
     EXPECT_EQ(inspect({"--level", "2"}, 2).errorLines(), 1);
     write("card.glb", {{kWood, R"({"name": "wood", "alphaMode": "BLEND"})"}});
-    EXPECT_EQ(lineOf(inspect({"--bake"}), "skipped"), "skipped     mesh 0 primitive 1 (wood): its alphaMode is BLEND");
+    EXPECT_EQ(lineOf(inspect({"--bake"}), "skipped"),
+              "skipped     mesh 0 primitive 1 (wood): its alphaMode is BLEND; --blend bakes it");
 }
 
 TEST_F(GltfReport, SharesHaveOneOrderAndAreLabelled)
@@ -236,6 +237,9 @@ TEST_F(GltfReport, UnreadableFilesFail)
         << bake.errors;
     EXPECT_TRUE(has(bake.errors, "KTX2")) << bake.errors;
     EXPECT_FALSE(has(bake.errors, "--fallback-images")) << "there is no other image: " << bake.errors;
+    EXPECT_TRUE(has(bake.output, "nothing could be baked, not written; 1 alpha-tested primitive skipped"))
+        << bake.output;
+    EXPECT_FALSE(has(bake.output, "--copy")) << "it has failed: " << bake.output;
     // An excluded material is not an error.
     write("card.glb", {{kMask, kBlend}});
     EXPECT_EQ(run({"bake", in("card.glb")}).errors, "");
@@ -369,6 +373,47 @@ TEST_F(GltfReport, BlendIsKnownAtZeroAndOneOnly)
     run({"verify", "--exact", in("card.omm.glb")});
 }
 
+TEST_F(GltfReport, ReportsNameTheOptionForBlend)
+{
+    write("card.glb", {{kMask, kBlend}});
+    for (const std::vector<std::string> &command : {std::vector<std::string>{"info"}, {"inspect", "--bake"}}) {
+        std::vector<std::string> words = command;
+        words.push_back(in("card.glb"));
+        const Outcome outcome = runVellum(words);
+        EXPECT_TRUE(has(outcome.output + outcome.errors, "its alphaMode is BLEND; --blend bakes it"))
+            << command.front() << outcome.output << outcome.errors;
+    }
+}
+
+TEST_F(GltfReport, ACutoffThatNoAlphaReachesIsACaution)
+{
+    // As an 8-bit value, by mistake.
+    write("card.glb", {{kMask, R"("alphaMode": "MASK", "alphaCutoff": 128)"}});
+    const Outcome bake = run({"bake", in("card.glb")});
+    EXPECT_TRUE(
+        has(bake.output, "; caution: leaf: no alpha of it reaches its alphaCutoff, 128: all of it is transparent\n"))
+        << bake.output;
+    run({"verify", "--strict", in("card.omm.glb")});
+    write("card.glb", {{kMask, R"("alphaMode": "MASK", "alphaCutoff": 0)"}});
+    EXPECT_TRUE(has(run({"bake", in("card.glb")}).output,
+                    "; caution: leaf: every alpha of it reaches its alphaCutoff, 0: all of it is opaque\n"));
+    write("card.glb");
+    EXPECT_FALSE(has(run({"bake", in("card.glb")}).output, "caution"));
+    // Nothing is seen of it on purpose.
+    write("card.glb", {{kFactor, "[1, 1, 1, 0]"}});
+    EXPECT_FALSE(has(run({"bake", in("card.glb")}).output, "caution"));
+}
+
+TEST_F(GltfReport, BytesOfIndicesAreNamed)
+{
+    write("card.glb");
+    EXPECT_TRUE(
+        has(run({"bake", in("card.glb")}).output, " bytes of micromaps + 2 of indices, 1 primitive, 2 triangles"))
+        << run({"bake", in("card.glb")}).output;
+    EXPECT_TRUE(has(run({"sweep", in("card.glb")}).output, "\nBytes: those of micromaps, without the indices"));
+    EXPECT_TRUE(has(run({"bake", "--help"}).output, "without the indices of"));
+}
+
 TEST_F(GltfReport, ACutoffForBlendIsACaution)
 {
     write("card.glb", kGlass);
@@ -388,7 +433,9 @@ TEST_F(GltfReport, ACutoffForBlendIsACaution)
     EXPECT_TRUE(has(glass["caution"].string().value_or(""), words)) << json.output;
     EXPECT_TRUE(has(run(arguments).output, "caution")) << "without a report";
     // The file has the cutoff.
-    EXPECT_TRUE(has(run({"verify", in("card.omm.glb")}).output, "verified as a mask with the cutoff 0.5"));
+    const Outcome verified = run({"verify", in("card.omm.glb")});
+    EXPECT_TRUE(has(verified.output, "verified as a mask with the cutoff 0.5"));
+    EXPECT_FALSE(has(verified.output, "verified without it")) << verified.output;
     run({"verify", "--strict", in("card.omm.glb")}, 5);
     run({"verify", "--blend-cutoff", "0.9", in("card.omm.glb")}, 4);
 }

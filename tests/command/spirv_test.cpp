@@ -121,6 +121,7 @@ TEST_F(SpirvCommand, TakesOutAsAnOperand)
     EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
     EXPECT_EQ(modeOf(out), spirv::MicromapMode{When::Always});
     expectFailure(run({"--disable", queries, out}), "--force"); // *.spv may name two modules
+    expectFailure(run({"--disable", queries, out}), "the second of two operands replaces nothing");
     EXPECT_EQ(modeOf(out), spirv::MicromapMode{When::Always});
     EXPECT_EQ(run({"--disable", queries, out, "--force"}).exitCode, 0);
     EXPECT_EQ(modeOf(out), spirv::MicromapMode{});

@@ -216,4 +216,13 @@ TEST_F(VerifyCommand, StrictTakesCautionsForOpenClaims)
     const Outcome strict = verify(card, {"--strict"});
     EXPECT_EQ(strict.exitCode, 5);
     EXPECT_TRUE(has(strict.output, "caution: mesh 0 \"leaves\" primitive 0")) << strict.output;
+    EXPECT_TRUE(has(strict.output, "KHR_materials_pbrSpecularGlossiness: verified without it\n")) << strict.output;
+}
+
+TEST_F(VerifyCommand, AFileThatCannotBeReadIsReportedOnce)
+{
+    const Outcome outcome = runVellum({"verify", (folder / "none.glb").string()});
+    EXPECT_EQ(outcome.exitCode, 1);
+    EXPECT_EQ(outcome.output, "");
+    EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
 }

@@ -215,8 +215,14 @@ class Installation(unittest.TestCase):
             if(Vellum_FOUND)
               message(FATAL_ERROR "later version found")
             endif()
+            find_package(Vellum COMPONENTS Gtlf)
+            if(Vellum_FOUND)
+              message(FATAL_ERROR "a component that does not exist was found")
+            endif()
             """)
-        run(options.cmake, "-S", project, "-B", project / "build", "-G", options.generator, f"-DCMAKE_PREFIX_PATH={self.prefix}")
+        output = run(options.cmake, "-S", project, "-B", project / "build", "-G", options.generator,
+                     f"-DCMAKE_PREFIX_PATH={self.prefix}", "--log-level=STATUS")
+        self.assertIn("has no component Gtlf", " ".join(output.split()))
         self.assertEqual(run("pkg-config", "--modversion", "vellum", environment={
             "PKG_CONFIG_PATH": str(self.lib / "pkgconfig")}).strip(), options.version)
 

@@ -58,6 +58,17 @@ TEST(LibraryWrapper, SameAsC)
     EXPECT_FALSE(micromap.geometry(0).usages.empty());
     EXPECT_EQ(resultOf([&] { (void)micromap.geometry(1); }), VELLUM_ERROR_INVALID_ARGUMENT);
     EXPECT_EQ(resultOf([&] { (void)micromap.state(6, 0, 0); }), VELLUM_ERROR_INVALID_ARGUMENT);
+    const auto message = [](auto &&call) -> std::string {
+        try {
+            call();
+        } catch (const Error &error) {
+            return error.what();
+        }
+        return "";
+    };
+    EXPECT_EQ(message([&] { (void)micromap.geometry(5); }), "there is no input 5");
+    EXPECT_EQ(message([&] { (void)micromap.state(6, 0, 0); }), "there is no triangle 6");
+    EXPECT_EQ(message([] { (void)Micromap().geometry(0); }), "there is no micromap");
     uint32_t state = 9;
     ASSERT_EQ(vellumGetState(micromap.get(), 1, 0.3f, 0.2f, &state), VELLUM_SUCCESS);
     EXPECT_EQ(static_cast<uint32_t>(micromap.state(1, 0.3f, 0.2f)), state);

@@ -28,6 +28,7 @@ struct BakeCommandOptions {
     std::optional<std::filesystem::path> log;    // gets a line for each file
     std::vector<std::filesystem::path> resume;   // earlier logs: what is done is not baked again
     std::optional<std::filesystem::path> output; // "-" is stdout
+    bool operandOutput = false;                  // `output` was given without -o
     std::optional<std::filesystem::path> depfile;
     std::filesystem::path cache;            // empty: none
     uint64_t cacheSize = uint64_t{5} << 30; // bytes
@@ -59,6 +60,9 @@ struct BakeJob {
     std::vector<std::filesystem::path> named; // these files
 };
 
+// The job's rule of a depfile. Throws Error.
+std::string ruleOf(const BakeJob &job);
+
 struct BakePlan {
     std::vector<BakeJob> jobs; // of the shard, without those that earlier logs have as done
     size_t done = 0;           // the number of these
@@ -68,6 +72,9 @@ struct BakePlan {
 // shard. A job gets a problem if it would replace a file that another one in the plan reads or writes, an input of any
 // shard, or a file that vellum did not write. Only files of the plan are read.
 BakePlan planBake(const BakeCommandOptions &options);
+
+// A digest of the options that outputs depend on, for logs.
+std::string digestOf(const BakeCommandOptions &options);
 
 // Bakes all files and prints the report. Returns the exit code.
 int bakeCommand(BakeCommandOptions &options);

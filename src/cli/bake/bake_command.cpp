@@ -21,7 +21,6 @@
 #include "core/utf8_path.h"
 #include "gltf/file/cache_folder.h"
 #include "gltf/file/gltf_error.h"
-#include "job/depfile.h"
 #include "job/log.h"
 
 namespace vellum::cli
@@ -141,6 +140,7 @@ private:
     UnmatchedExclusions &exclusions_;
     std::vector<BakeJob> jobs_;
     job::Log *log_;
+    std::string digest_; // of the options
     Storage storage_;
     DecodedImages images_;
     BakeRun result_;
@@ -156,8 +156,8 @@ private:
 
 Bakery::Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs, UnmatchedExclusions &exclusions,
                job::Log *log)
-    : options_(options), exclusions_(exclusions), jobs_(std::move(jobs)), log_(log), order_(jobs_.size()),
-      threads_(threadCount(options.threads)), progress_("baking"), shares_(jobs_.size())
+    : options_(options), exclusions_(exclusions), jobs_(std::move(jobs)), log_(log), digest_(digestOf(options)),
+      order_(jobs_.size()), threads_(threadCount(options.threads)), progress_("baking"), shares_(jobs_.size())
 {
     result_.reports.resize(jobs_.size());
     for (const BakeJob &job : jobs_) {
@@ -256,7 +256,7 @@ void Bakery::log(const BakeFileReport &report, uint64_t milliseconds)
                          : report.replaced                ? job::kRemoved
                                                           : job::kUnchanged;
     try {
-        log_->add({report.job.input, report.job.output, status, report.inputBytes, report.files, milliseconds,
+        log_->add({report.job.input, report.job.output, status, digest_, report.inputBytes, report.files, milliseconds,
                    report.error.empty() ? report.failure : report.error});
     } catch (const Error &error) {
         const std::lock_guard lock(reporting_);
@@ -290,13 +290,8 @@ BakeRun bakeAll(const BakeCommandOptions &options, UnmatchedExclusions &exclusio
 void writeDepfile(const fs::path &path, const std::vector<BakeFileReport> &reports)
 {
     std::string text;
-    for (const BakeFileReport &report : reports) {
-        std::vector<fs::path> read;
-        if (!isStandardStream(report.job.input))
-            read.push_back(report.job.input);
-        read.insert(read.end(), report.job.named.begin(), report.job.named.end());
-        text += job::depfileRule(report.job.output, read);
-    }
+    for (const BakeFileReport &report : reports)
+        text += ruleOf(report.job);
     writeWhole(path, {reinterpret_cast<const uint8_t *>(text.data()), text.size()});
 }
 
@@ -356,12 +351,8 @@ int bakeCommand(BakeCommandOptions &options)
         std::printf("no file is in this shard\n");
     if (options.dryRun && !options.json)
         std::printf("nothing was written (--dry-run)\n");
-    const auto unchanged = std::count_if(reports.begin(), reports.end(), [](const BakeFileReport &report) {
-        return report.error.empty() && !report.written;
-    });
-    if (unchanged != 0 && !options.bake.requireMicromaps && !options.json)
-        std::printf("%s not written, as nothing is baked; --copy writes copies of such inputs\n",
-                    counted(static_cast<size_t>(unchanged), "output was", "outputs were").c_str());
+    if (const std::string text = totals(reports); !text.empty() && !options.json)
+        std::printf("%s\n", text.c_str());
     std::fflush(stdout);
     ExitCode code = printProblems(reports);
     if (cache && !cache->problem().empty())

@@ -2,18 +2,23 @@
 #include "cli/bake/bake.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
+#include <fmt/format.h>
 #include <limits>
 #include <map>
 #include <memory>
 
 #include "base/error.h"
+#include "base/sha256.h"
+#include "base/text.h"
 #include "cli/base/files.h"
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/options.h"
 #include "core/curve.h"
 #include "core/utf8_path.h"
+#include "gltf/micromaps/bake_cache.h"
 
 namespace vellum::cli
 {
@@ -41,8 +46,8 @@ in the folder of -o, or beside the input.
 in, so names must be written alike on all machines.
 
 --log appends a line of JSON whenever a file has ended; each process has its own log, and cat merges logs. --resume skips
-the files that a log has as done, whose outputs must be there still. After changing inputs or options, start a new log.
-Both may be the same file.
+the files that a log has as done with the same options, whose outputs must be there still. After changing inputs, start a
+new log. Both may be the same file, which then need not exist.
 
 --cache keeps each micromap in a folder, by a digest of all that determines it: the bytes of the image, the sampler, the
 texture coordinates of the triangles, the cutoff, the options and the version of the baker. A file whose micromaps are
@@ -112,7 +117,9 @@ void declareFiles(CLI::App &command, BakeCommandOptions &options, RawFileOptions
         ->type_name("LIST");
     command.add_option("--shard", raw.shard, "Bake the files of part K of N only, as 2/8")->type_name("K/N");
     command
-        .add_option("--resume", options.resume, "Skip what this log has as done and whose outputs exist; repeatable")
+        .add_option("--resume", options.resume,
+                    "Skip what this log has as done and whose outputs exist; the log must exist, except that of --log; "
+                    "repeatable")
         ->allow_extra_args(false)
         ->type_name("LOG");
     command.option_defaults()->group(kOutput);
@@ -188,7 +195,8 @@ void declareQuality(CLI::App &command, DocumentBakeOptions &options, RawBakeOpti
     command
         .add_option(
             "--budget", raw.budget,
-            "Most bytes of micromaps for a file, like 500K or 2M: levels are lowered where that loses the least known "
+            "Most bytes of micromaps for a file, like 500K or 2M, without the indices of triangles: levels are lowered "
+            "where that loses the least known "
             "surface, or automatic ones raised where that gains the most. 0: one state "
             "for each triangle; what then remains are the 9 bytes of an empty micromap for each material [none]")
         ->type_name("BYTES");
@@ -233,6 +241,7 @@ void splitOperands(BakeCommandOptions &options)
     if (!options.output && options.inputs.size() == 2) {
         options.output = options.inputs.back();
         options.inputs.pop_back();
+        options.operandOutput = true;
     }
     const bool fromStdin = std::any_of(options.inputs.begin(), options.inputs.end(), isStandardStream);
     if (fromStdin && options.inputs.size() > 1)
@@ -322,6 +331,31 @@ uint64_t parseBytes(const std::string &option, const std::string &text)
     if (read.ec != std::errc() || (!unit.empty() && shift == 0) || number > (~uint64_t{0} >> shift))
         throw UsageError(option + " must be a number of bytes like 1500, 64K, 2M or 1G, got " + text);
     return number << shift;
+}
+
+std::string digestOf(const BakeCommandOptions &options)
+{
+    // New members do not compile here until it is stated whether outputs depend on them.
+    const auto &[bake, targetKnown, blend, blendCutoff, fallbackImages, excludedMaterials, excludedMeshes, images,
+                 cache] = static_cast<const DocumentBakeOptions &>(options.bake);
+    std::string text = fmt::format("{} {} {} {}", blend, fallbackImages, options.bake.embed, options.copy);
+    text += fmt::format(" {} ", options.bake.requireMicromaps);
+    if (targetKnown)
+        text += fmt::format("known {} ", *targetKnown);
+    if (blendCutoff)
+        text += fmt::format("cutoff {} ", *blendCutoff);
+    for (const auto &[name, patterns] : {std::pair("material", &excludedMaterials), std::pair("mesh", &excludedMeshes)})
+        for (const std::string &pattern : *patterns)
+            text += fmt::format("{} {} {} ", name, pattern.size(), pattern);
+    // An input makes the key depend on the options that matter to some inputs only.
+    Sha256 sha256;
+    sha256.add(bakeKey(std::array{BakeInput()}, {}, bake));
+    sha256.add({reinterpret_cast<const uint8_t *>(text.data()), text.size()});
+    uint64_t number = 0;
+    const Digest digest = sha256.finish();
+    for (size_t i = 0; i < sizeof number; ++i)
+        number = number << 8 | digest[i];
+    return hexadecimal(number).substr(2);
 }
 
 std::function<int()> declareBakeCommand(CLI::App &app)

@@ -17,6 +17,7 @@
 #include "gltf/file/output_files.h"
 #include "gltf/micromaps/document_writer.h"
 #include "gltf/primitive.h"
+#include "job/depfile.h"
 #include "job/file_list.h"
 #include "job/log.h"
 
@@ -33,6 +34,30 @@ fs::path besideInput(const fs::path &input)
     return output.replace_extension(".omm") += input.extension();
 }
 
+// Returns whether vellum bake wrote it. Throws GltfError.
+bool isOwnOutput(const fs::path &path)
+{
+    const Container container = readJson(path);
+    return isOwnFile(JsonTree(container.json()).root());
+}
+
+// Throws UsageError for IN OUT where both are earlier outputs: *.omm.glb in a folder of two.
+void checkOperands(const fs::path &input, const fs::path &output)
+{
+    std::error_code error;
+    if (isStandardStream(input) || !fs::is_regular_file(output, error) || fs::equivalent(input, output, error))
+        return;
+    try {
+        if (!isOwnOutput(input) || !isOwnOutput(output))
+            return;
+    } catch (const GltfError &) {
+        return; // planning or the bake reports it
+    }
+    throw UsageError(utf8Text(output) + " would be replaced by the bake of " + utf8Text(input) +
+                     ", and vellum wrote both: of two operands the second is the output; -o " + utf8Text(output) +
+                     " replaces it, and -o FOLDER bakes both");
+}
+
 // Returns whether there is nothing at the output, or a file of which nothing is lost: an earlier bake wrote it, or it
 // is a copy of the input.
 bool isReplaceable(const BakeJob &job)
@@ -41,8 +66,7 @@ bool isReplaceable(const BakeJob &job)
     if (isStandardStream(job.output) || !fs::exists(job.output, error))
         return true;
     try {
-        const Container container = readJson(job.output);
-        if (isOwnFile(JsonTree(container.json()).root()))
+        if (isOwnOutput(job.output))
             return true;
     } catch (const GltfError &) {
         // It may be a copy of an input that cannot be read either.
@@ -168,7 +192,8 @@ std::string Conflicts::problemOf(size_t number)
     for (const FilesBeside::Copy &copy : beside_[number].copies)
         writes.try_emplace(locationOf(copy.to), Write{job.input, copy.from});
     for (const FilesBeside::Copy &copy : beside_[number].copies)
-        if (const auto reader = reads_.find(locationOf(copy.to)); reader != reads_.end() && !sameBytes(copy.from, copy.to))
+        if (const auto reader = reads_.find(locationOf(copy.to));
+            reader != reads_.end() && !sameBytes(copy.from, copy.to))
             return "the copy " + utf8Text(copy.to) + " is read for " + utf8Text(reader->second);
     for (const auto &[location, write] : writes) {
         const auto other = writes_.find(location);
@@ -229,17 +254,32 @@ std::vector<BakeJob> listedJobs(const BakeCommandOptions &options)
 size_t removeDone(const BakeCommandOptions &options, std::vector<BakeJob> &jobs)
 {
     std::error_code error;
-    job::DoneFiles done;
+    job::DoneFiles done(digestOf(options));
     for (const fs::path &log : options.resume)
         if (log != options.log || fs::exists(log, error)) // it is made when the first file has ended
             done.add(log);
     if (!done.empty() && !jobs.empty() &&
         std::none_of(jobs.begin(), jobs.end(), [&](const BakeJob &job) { return done.names(job.input, job.output); }))
         std::fprintf(stderr, "vellum: the logs of --resume name none of these files\n");
+    const auto others =
+        std::ranges::count_if(jobs, [&](const BakeJob &job) { return done.hasOtherOptions(job.input, job.output); });
+    if (others != 0)
+        std::fprintf(stderr, "vellum: %s done before with other options or another version, and %s baked again\n",
+                     counted(static_cast<size_t>(others), "file was", "files were").c_str(),
+                     others == 1 ? "is" : "are");
     return std::erase_if(jobs, [&](const BakeJob &job) { return done.contains(job.input, job.output); });
 }
 
 } // namespace
+
+std::string ruleOf(const BakeJob &job)
+{
+    std::vector<fs::path> read;
+    if (!isStandardStream(job.input))
+        read.push_back(job.input);
+    read.insert(read.end(), job.named.begin(), job.named.end());
+    return job::depfileRule(job.output, read);
+}
 
 BakePlan planBake(const BakeCommandOptions &options)
 {
@@ -252,7 +292,9 @@ BakePlan planBake(const BakeCommandOptions &options)
     if (several && options.output && isStandardStream(*options.output))
         throw UsageError("several inputs need an output folder, not stdout");
     if (several && !options.output && !options.files)
-        throw UsageError("several inputs need an output folder: -o FOLDER");
+        throw UsageError(options.inputs.size() > 1 ? "several inputs need an output folder: -o FOLDER"
+                                                   : utf8Text(options.inputs.front()) +
+                                                         " is a folder, which needs an output folder: -o FOLDER");
     const bool toFolder =
         options.output && (several || !options.output->has_filename() || fs::is_directory(*options.output, ignored));
     if (toFolder && fs::exists(*options.output, ignored) && !fs::is_directory(*options.output, ignored))
@@ -262,6 +304,8 @@ BakePlan planBake(const BakeCommandOptions &options)
         throw UsageError("stdin needs an output file, not a folder");
     if (options.output && !toFolder)
         checkSuffix(*options.output, {".glb", ".gltf", suffixOf(options.inputs.front())});
+    if (options.operandOutput && !toFolder && !options.force)
+        checkOperands(options.inputs.front(), *options.output);
     std::vector<BakeJob> jobs;
     if (options.files)
         jobs = listedJobs(options);
@@ -296,6 +340,9 @@ BakePlan planBake(const BakeCommandOptions &options)
         jobs[i].problem = conflicts.problemOf(i);
     }
     conflicts.checkOwnFiles(options);
+    if (options.depfile) // it is written last; a name that it cannot have is found first
+        for (const BakeJob &job : jobs)
+            static_cast<void>(ruleOf(job));
     return {std::move(jobs), done};
 }
 

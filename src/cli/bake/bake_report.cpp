@@ -71,6 +71,12 @@ std::string levelsText(const BakedReport &primitive)
     return low == high ? std::to_string(low) : fmt::format("{}-{}", low, high);
 }
 
+// "tree.glb -> tree.omm.glb"
+std::string namesOf(const BakeJob &job)
+{
+    return utf8Text(job.input) + " -> " + utf8Text(job.output);
+}
+
 // Of a file without a scene to measure.
 std::string describeTriangles(const BakeFileReport &file)
 {
@@ -81,15 +87,32 @@ std::string describeTriangles(const BakeFileReport &file)
     return approximate ? share + "opaque or transparent, some in " + kTwoStatesText : share + "known";
 }
 
+// The caution that all primitives with one have in common, or how many there are.
+std::string cautionText(const BakeFileReport &file)
+{
+    std::set<std::string> cautions;
+    size_t primitives = 0;
+    for (const BakedReport &primitive : file.primitives)
+        if (!primitive.caution.empty()) {
+            cautions.insert((primitive.material.empty() ? "" : primitive.material + ": ") + primitive.caution);
+            ++primitives;
+        }
+    if (cautions.size() == 1)
+        return "; caution: " + *cautions.begin();
+    return cautions.empty() ? "" : fmt::format("; {}, see --report", counted(primitives, "caution"));
+}
+
 std::string summary(const BakeFileReport &file)
 {
     size_t triangles = 0;
     for (const BakedReport &primitive : file.primitives)
         triangles += primitive.triangles;
     const std::string share = file.surface ? describe(*file.surface) : describeTriangles(file);
+    const std::string nothing = file.code == ExitCode::Failed ? "nothing could be baked" : "nothing to bake";
     std::string text = file.primitives.empty()
-                           ? std::string(file.written ? "nothing to bake" : "nothing to bake, not written")
-                           : fmt::format("{}; {} of micromaps, {}, {}", share, counted(micromapBytes(file), "byte"),
+                           ? nothing + (file.written ? "" : ", not written")
+                           : fmt::format("{}; {} of micromaps + {} of indices, {}, {}", share,
+                                         counted(micromapBytes(file), "byte"), grouped(file.indexBytes),
                                          counted(file.primitives.size(), "primitive"), counted(triangles, "triangle"));
     std::error_code error;
     if (!file.written && std::filesystem::exists(file.job.output, error))
@@ -99,14 +122,12 @@ std::string summary(const BakeFileReport &file)
                                     [](const SkippedPrimitive &s) { return s.hadMicromap; });
     if (lost != 0 && file.written)
         text += fmt::format(" ({} lost {} micromap)", lost, lost == 1 ? "its" : "their");
+    if (file.replaced && file.written && !file.primitives.empty())
+        text += "; the input had micromaps already, which were replaced";
     if (file.cacheHits + file.cacheMisses != 0)
         text +=
             fmt::format("; cache: {}, {}", counted(file.cacheHits, "hit"), counted(file.cacheMisses, "miss", "misses"));
-    const auto cautions = std::count_if(file.primitives.begin(), file.primitives.end(),
-                                        [](const BakedReport &p) { return !p.caution.empty(); });
-    if (cautions != 0)
-        text += fmt::format("; {}, see --report", counted(static_cast<size_t>(cautions), "caution"));
-    return text;
+    return text + cautionText(file);
 }
 
 using Row = std::vector<std::string>;
@@ -240,6 +261,8 @@ BakeFileReport reportOf(const BakeJob &job, FileBake result)
     for (const BakedPrimitive &primitive : result.bake.primitives) {
         const uint32_t micromap = primitive.micromap.micromap;
         report.primitives.push_back(reportOf(primitive, result.bake.micromaps[micromap], shares[micromap]));
+        report.indexBytes +=
+            primitive.micromap.indices.size() * micromapIndexBytes(result.bake.micromaps[micromap].triangles.size());
     }
     return report;
 }
@@ -266,7 +289,7 @@ void printLines(const std::vector<BakeFileReport> &files)
 {
     for (const BakeFileReport &file : files)
         if (file.error.empty()) {
-            fmt::print("{}: {}\n", utf8Text(file.written ? file.job.output : file.job.input), summary(file));
+            fmt::print("{}: {}\n", file.written ? namesOf(file.job) : utf8Text(file.job.input), summary(file));
             printReplacedLoss(file);
         }
 }
@@ -276,10 +299,9 @@ void printTable(const std::vector<BakeFileReport> &files)
     for (const BakeFileReport &file : files) {
         if (!file.error.empty())
             continue;
-        fmt::print("{} -> {}: {}\n", utf8Text(file.job.input), utf8Text(file.job.output), summary(file));
+        fmt::print("{}: {}\n", namesOf(file.job), summary(file));
         if (file.written)
-            fmt::print("  {} bytes became {}{}\n", grouped(file.inputBytes), grouped(file.outputBytes),
-                       file.replaced ? ", its micromaps were replaced" : "");
+            fmt::print("  {} bytes became {}\n", grouped(file.inputBytes), grouped(file.outputBytes));
         printReplacedLoss(file);
         printPrimitives(file);
         for (size_t i = 0; i < file.micromaps.size(); ++i)
@@ -287,6 +309,31 @@ void printTable(const std::vector<BakeFileReport> &files)
                        counted(file.micromaps[i].bytes, "byte"));
         printRemarks(file);
     }
+}
+
+std::string totals(const std::vector<BakeFileReport> &files)
+{
+    std::array<size_t, 4> counts{};
+    auto &[baked, unwritten, copied, failed] = counts;
+    for (const BakeFileReport &file : files) {
+        if (!file.ended)
+            return "";
+        ++(file.code != ExitCode::Success ? failed
+           : !file.primitives.empty()     ? baked
+           : file.written                 ? copied
+                                          : unwritten);
+    }
+    if (files.size() < 2)
+        return unwritten == 0 ? ""
+                              : "the output was not written, as nothing is baked; --copy writes a copy of the input";
+    std::string text = counted(baked, "file") + " baked";
+    if (unwritten != 0)
+        text += fmt::format(", {} not written (nothing to bake; --copy writes copies)", grouped(unwritten));
+    if (copied != 0)
+        text += fmt::format(", {} written with nothing baked", grouped(copied));
+    if (failed != 0)
+        text += fmt::format(", {} failed", grouped(failed));
+    return text;
 }
 
 void printJson(const std::vector<BakeFileReport> &files, size_t done, bool dryRun)

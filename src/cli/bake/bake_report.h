@@ -27,7 +27,7 @@ struct BakedReport {
     std::array<size_t, 13> levels{}; // the other triangles by level
     std::array<double, 4> states{};  // shares of State, each triangle counted alike
     size_t micromap = 0;             // the number of its micromap
-    std::string caution;             // renderers for which it is wrong; empty if none
+    std::string caution;             // BakedPrimitive::caution
 };
 
 struct BakeFileReport {
@@ -46,6 +46,7 @@ struct BakeFileReport {
     std::vector<std::pair<std::filesystem::path, uint64_t>> files; // FileBake::files
     std::vector<BakedReport> primitives;
     std::vector<MicromapSummary> micromaps;
+    uint64_t indexBytes = 0; // of the micromap indices of all primitives
     std::vector<SkippedPrimitive> skipped;
     std::optional<SurfaceShares> surface;
     size_t cacheHits = 0; // and misses: both 0 without a cache
@@ -59,6 +60,9 @@ std::string skippedText(const BakeFileReport &file);
 
 void printLines(const std::vector<BakeFileReport> &files);
 void printTable(const std::vector<BakeFileReport> &files);
+// What became of several files, in a line; of one, why it was not written. Empty if there is nothing to add, and where
+// the run ended early, which has a line of its own.
+std::string totals(const std::vector<BakeFileReport> &files);
 // `done`: the number of files that earlier logs have as done.
 void printJson(const std::vector<BakeFileReport> &files, size_t done, bool dryRun);
 

@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "core/utf8_path.h"
 #include "gltf/file/gltf_error.h"
+#include "gltf/file/new_file.h"
 #include "gltf/file/output_files.h"
 
 namespace vellum::cli
@@ -146,6 +147,21 @@ void checkSuffix(const std::filesystem::path &output, std::initializer_list<std:
     throw UsageError(utf8Text(output) + " is the name of another kind of file: the output's must end in " + list);
 }
 
+void checkFolderOf(const std::filesystem::path &path)
+{
+    const std::filesystem::path folder = path.parent_path().empty() ? "." : path.parent_path();
+    std::error_code error;
+    if (!std::filesystem::is_directory(folder, error))
+        throw Error(utf8Text(path) + " cannot be written: " + utf8Text(folder) + " is not a directory");
+    if (const std::string problem = problemOfFolder(folder); !problem.empty())
+        throw Error(utf8Text(path) + " cannot be written: " + problem);
+    try {
+        const NewFile probe(path); // where no permission says so, as in /proc
+    } catch (const GltfError &failure) {
+        throw Error(failure.what());
+    }
+}
+
 void checkWritable(const std::filesystem::path &path, bool force)
 {
     if (isStandardStream(path)) {
@@ -153,14 +169,10 @@ void checkWritable(const std::filesystem::path &path, bool force)
             throw UsageError("stdout is a terminal: redirect it, or give an output file; --force writes to it");
         return;
     }
-    const std::filesystem::path folder = path.parent_path().empty() ? "." : path.parent_path();
     std::error_code error;
-    if (!std::filesystem::is_directory(folder, error))
-        throw Error(utf8Text(path) + " cannot be written: " + utf8Text(folder) + " is not a directory");
     if (std::filesystem::is_directory(path, error))
         throw Error(utf8Text(path) + " cannot be written: it is a directory");
-    if (const std::string problem = problemOfFolder(folder); !problem.empty())
-        throw Error(utf8Text(path) + " cannot be written: " + problem);
+    checkFolderOf(path);
     if (!force && std::filesystem::exists(path, error) && !isOwnOutput(path))
         throw Error(utf8Text(path) + " exists and was not written by vellum; --force replaces it");
 }

@@ -70,6 +70,9 @@ std::filesystem::path outputFor(const std::optional<std::filesystem::path> &said
 // "-", fit every format.
 void checkSuffix(const std::filesystem::path &output, std::initializer_list<std::string> suffixes);
 
+// Makes a file in the folder of `path` that goes away again. Throws Error where none can be made.
+void checkFolderOf(const std::filesystem::path &path);
+
 // Checks before the work starts that a file, or "-" for stdout, can be written. Throws Error, also for a file that is
 // there already and was not written by this command, and for a terminal, unless `force` is set.
 void checkWritable(const std::filesystem::path &path, bool force);

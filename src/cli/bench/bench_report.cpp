@@ -198,7 +198,7 @@ std::string benchJson(const std::vector<PartResult> &results, const std::vector<
     beginReport(json, "bench");
     json.member("version", versionText());
     json.member("date", fmt::format("{:%Y-%m-%d}", std::chrono::system_clock::now()));
-    json.member("seconds", seconds).values("verdict", verdict);
+    json.member("seconds", seconds).member("noisy", !noiseOf(results).empty()).values("verdict", verdict);
     json.list("parts", results, [&](const PartResult &result) {
         json.beginObject().member("name", result.part.name()).member("implementation", result.part.implementation);
         json.member("api", result.part.api == gpu::Api::Khr ? "khr" : "ext");

@@ -398,6 +398,7 @@ OutputFolder::OutputFolder(std::filesystem::path path, bool force) : path_(std::
     std::filesystem::create_directories(path_ / kFailures, error);
     if (error)
         throw Error(utf8Text(path_) + " cannot be written: " + error.message());
+    checkFolderOf(path_ / kResultsFile);
 }
 
 std::string OutputFolder::writeFailure(const Finished &finished, uint64_t seed)

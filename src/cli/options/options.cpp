@@ -101,8 +101,12 @@ void addToleranceOptions(CLI::App &command, bool &exact, const std::array<double
 {
     command.option_defaults()->group(kTolerances);
     CLI::Option &none = *command.add_flag("--exact", exact, "No tolerances: what is true in exact arithmetic");
-    for (size_t i = 0; i < values.size(); ++i)
-        addBakeNumber(command, kBakeTolerances[i], *values[i], most).excludes(&none);
+    for (size_t i = 0; i < values.size(); ++i) {
+        // Alphas of glTF are 0 to 1: with a tolerance of more, nothing would be known.
+        const bool ofAlpha = kBakeTolerances[i].member == &BakeOptions::valueTolerance;
+        addBakeNumber(command, kBakeTolerances[i], *values[i], ofAlpha && !most ? std::optional(1.0) : most)
+            .excludes(&none);
+    }
 }
 
 void addDeviceOption(CLI::App &command, gpu::DeviceSelection &device)

@@ -45,6 +45,9 @@ inline constexpr const char *kShaderCallsText =
     "Shader calls: of 1,000 hits that are spread evenly over the alpha-tested surface, those that run the alpha test. "
     "They are where the state is unknown and where there is no micromap; without micromaps it is all of them.";
 
+inline constexpr const char *kBytesText =
+    "Bytes: those of micromaps, without the indices of triangles, 1 to 4 bytes each.";
+
 inline constexpr const char *kApproximateText =
     "Approximate: 2 states leave nothing unknown, so no hit runs the alpha test. What 4 states at the same level leave "
     "unknown becomes opaque or transparent, whichever --two-state-rule says, and outlines are jagged.";

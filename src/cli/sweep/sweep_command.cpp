@@ -107,8 +107,7 @@ std::string exclusionsText(const Sweep &sweep)
         without += file.result.withoutMicromap / static_cast<double>(std::max<size_t>(sweep.bakeable, 1));
         for (const SkippedPrimitive &skipped : file.result.skipped) {
             ++count;
-            ++reasons[skipped.code == SkipReason::AlphaModeBlend ? skipped.reason + "; --blend bakes it"
-                                                                 : reasonFor(skipped)];
+            ++reasons[reasonFor(skipped)];
         }
     }
     std::string text;
@@ -158,6 +157,7 @@ void printSweep(const Sweep &sweep)
     }
     if (sweep.recommendation)
         fmt::print("recommended: {}: {}\n", sweep.recommendation->options, sweep.recommendation->reason);
+    fmt::print("{}\n", kBytesText);
     fmt::print("{}\n", kApproximateText);
     fmt::print("{}\n", kShaderCallsText);
     if (const std::string text = exclusionsText(sweep); !text.empty())

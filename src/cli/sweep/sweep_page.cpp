@@ -197,7 +197,8 @@ std::string sweepPage(const Sweep &sweep)
         page += fmt::format("<p><b>Recommended: <code>vellum bake {}</code></b>: {}.</p>\n",
                             markupText(sweep.recommendation->options), markupText(sweep.recommendation->reason));
     page += Chart(sweep).draw() + htmlTableOf(sweep);
-    page += fmt::format("<p class=\"muted\">{}</p>\n<p class=\"muted\">{}</p>\n", kShaderCallsText, kApproximateText);
+    for (const char *text : {kBytesText, kShaderCallsText, kApproximateText})
+        page += fmt::format("<p class=\"muted\">{}</p>\n", text);
     if (const std::string text = exclusionsText(sweep); !text.empty())
         page += fmt::format("<p class=\"muted\">{}.</p>\n", markupText(text));
     return inspect::plainPage(title + " – settings of vellum bake", page);

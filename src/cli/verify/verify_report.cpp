@@ -265,10 +265,8 @@ ExitCode exitCodeOf(const VerifiedFile &file, bool strict, bool requireMicromaps
 void printVerified(const VerifiedFile &file, bool verbose)
 {
     const verify::FileReport &report = file.report;
-    if (!file.error.empty()) {
-        fmt::print("{}\n  cannot be read\n", file.path); // the reason goes to stderr
-        return;
-    }
+    if (!file.error.empty())
+        return; // the error goes to stderr
     if (!report.findings.empty()) {
         fmt::print("{}: invalid micromaps\n", file.path);
         for (const MicromapFinding &finding : report.findings)
@@ -291,7 +289,7 @@ void printVerified(const VerifiedFile &file, bool verbose)
     printTwoState(sum);
     for (const PrimitiveReport &p : report.primitives)
         if (!p.caution.empty())
-            fmt::print("  caution: {}: {}: verified without it\n", p.name, p.caution);
+            fmt::print("  caution: {}: {}\n", p.name, p.caution);
     for (const verify::Unverified &u : report.unverified)
         fmt::print("  not verified: {}: {}\n", u.name, u.reason);
     printFindings(report);

@@ -39,4 +39,8 @@ std::vector<uint8_t> decompressView(const CompressedView &view, std::span<const 
 // True if this build reads geometry compressed by meshoptimizer and by Draco.
 extern const bool kDecompressesMeshes;
 
+// What the meshoptimizer of such a build cannot decode, such as "version 1 of its codec"; empty if it decodes
+// everything or there is none.
+std::string undecodableByMeshoptimizer();
+
 } // namespace vellum

@@ -10,11 +10,15 @@ namespace vellum
 namespace
 {
 
-[[noreturn]] void failByVersion(const std::string &what, const char *needed)
+std::string libraryVersion()
 {
     constexpr int kVersion = MESHOPTIMIZER_VERSION;
-    throw GltfUnsupported(what + ", which the meshoptimizer of this build (" + std::to_string(kVersion / 1000) + '.' +
-                          std::to_string(kVersion % 1000 / 10) +
+    return std::to_string(kVersion / 1000) + '.' + std::to_string(kVersion % 1000 / 10);
+}
+
+[[noreturn]] void failByVersion(const std::string &what, const char *needed)
+{
+    throw GltfUnsupported(what + ", which the meshoptimizer of this build (" + libraryVersion() +
                           ") cannot decode: use gltfpack -c in place of -cz, or build with " + needed);
 }
 
@@ -45,6 +49,15 @@ void decodeColors(std::vector<uint8_t> &, const CompressedView &)
 } // namespace
 
 const bool kDecompressesMeshes = true;
+
+std::string undecodableByMeshoptimizer()
+{
+    constexpr int kVersion = MESHOPTIMIZER_VERSION;
+    const char *what = kVersion < 230    ? "version 1 of the codec and the filter COLOR"
+                       : kVersion < 1000 ? "the filter COLOR"
+                                         : "";
+    return *what == 0 ? "" : std::string(what) + " (meshoptimizer " + libraryVersion() + ")";
+}
 
 std::vector<uint8_t> decompressView(const CompressedView &view, std::span<const uint8_t> encoded)
 {

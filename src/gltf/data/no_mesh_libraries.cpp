@@ -9,6 +9,11 @@ namespace vellum
 
 const bool kDecompressesMeshes = false;
 
+std::string undecodableByMeshoptimizer()
+{
+    return {};
+}
+
 std::vector<uint8_t> decompressView(const CompressedView &, std::span<const uint8_t>)
 {
     throw GltfUnsupported("is compressed by meshoptimizer, which this build cannot read");

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <map>
 #include <numeric>
 #include <tuple>
@@ -66,6 +67,21 @@ bool matches(const std::string &name, const std::vector<std::string> &patterns)
 {
     return std::any_of(patterns.begin(), patterns.end(),
                        [&](const std::string &pattern) { return matchesPattern(name, pattern); });
+}
+
+// Why an alpha test has one outcome, whatever its texture; empty if it has not. Not for what is invisible by its
+// factor.
+std::string cutoffCaution(const Material &material, const PrimitiveMicromap &micromap)
+{
+    const auto only = onlyOutcome(material, static_cast<double>(material.alphaCutoff));
+    if (!only || material.baseColor[3] == 0 ||
+        std::ranges::any_of(micromap.indices, [&](int32_t index) { return index != specialIndex(*only); }))
+        return "";
+    std::array<char, 32> cutoff{};
+    std::snprintf(cutoff.data(), cutoff.size(), "%.9g", static_cast<double>(material.alphaCutoff));
+    return *only == State::Transparent
+               ? std::string("no alpha of it reaches its alphaCutoff, ") + cutoff.data() + ": all of it is transparent"
+               : std::string("every alpha of it reaches its alphaCutoff, ") + cutoff.data() + ": all of it is opaque";
 }
 
 class DocumentBaker
@@ -252,6 +268,8 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     baked.material = material.name;
     if (material.alphaMode == AlphaMode::Blend && options_.blendCutoff)
         baked.caution = blendCaution(*(result_.blendCutoff = options_.blendCutoff), "baked");
+    else if (material.alphaMode == AlphaMode::Mask)
+        baked.caution = cutoffCaution(material, baked.micromap);
     if (!list)
         baked.corners = std::move(primitive.indices);
 }

@@ -58,7 +58,8 @@ struct BakedPrimitive {
     std::vector<uint32_t> corners;
     // Triangles that are unknown because their vertices have different alphas (COLOR_0).
     size_t varying = 0;
-    std::string caution; // renderers for which it is wrong; empty if none
+    // Renderers for which it is wrong, or a cutoff with which its texture has no effect; empty if none.
+    std::string caution;
 };
 
 enum class SkipReason : uint8_t {

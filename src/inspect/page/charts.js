@@ -59,7 +59,7 @@ function showTiles() {
         ? `${percent(facts.file.surfaceWithout)} has no micromap` : `${percent(1 - facts.file.surfaceKnown)} is left to the shader`),
     tile("Triangles", count(t.triangles), `${percent(t.triangles ? special / t.triangles : 0)} with a special index`),
     tile("Micromap triangles", count(t.records), `${plural(t.sharing, "triangle")} share${t.sharing === 1 ? "s" : ""} one`),
-    tile("Bytes", size(bytes), t.triangles ? `${(bytes / t.triangles).toFixed(1)} for each triangle` : ""),
+    tile("Bytes", size(bytes), `${size(bytes - t.indexBytes)} of micromaps + ${size(t.indexBytes)} of indices`),
     tile("Primitives", count(facts.file.micromapPrimitives), `of ${count(facts.file.primitives)}, in ${plural(facts.file.meshes, "mesh", "meshes")}`));
 }
 

@@ -11,6 +11,8 @@ const byId = (id) => document.getElementById(id);
 const rows = (part, kind) => part.rows.filter((row) => row.row === kind);
 const number = (value, digits = 2) => value === null ? "–" : value.toLocaleString("en", {
   minimumFractionDigits: digits, maximumFractionDigits: digits });
+// Of a noisy run no ratio is stated.
+const ratio = (values, digits) => report.noisy ? "–" : values.map((value) => number(value, digits)).join(" – ");
 const implementation = (part) => ({ emulated: "emulated", ext: "translated to EXT", driver: "of the driver" })[part.implementation]
   + ", " + part.api.toUpperCase();
 const table = (parent, heads, lines) => {
@@ -50,11 +52,11 @@ const draw = (box, title, frames) => {
   svg("line", { x1: x(1), x2: x(1), y1: 4, y2: height - 24, class: "axis", "stroke-width": 2 }, picture);
   frames.forEach((frame, i) => {
     const y = 22 + step * i + drop;
-    const kind = frame.ratio[2] < 1 ? "good" : frame.ratio[0] > 1 ? "bad" : "even";
+    const kind = report.noisy ? "even" : frame.ratio[2] < 1 ? "good" : frame.ratio[0] > 1 ? "bad" : "even";
     svg("text", { x: 8, y: y + 4 - drop }, picture, `level ${frame.level}, ${frame.heavy ? "heavy" : "plain"}`);
     svg("line", { x1: x(frame.ratio[0]), x2: x(frame.ratio[2]), y1: y, y2: y, class: kind, "stroke-width": 6, "stroke-opacity": .4 }, picture);
     svg("circle", { cx: x(frame.ratio[1]), cy: y, r: 5, class: kind }, picture);
-    svg("text", { x: width - 8, y: y + 4 - drop, "text-anchor": "end" }, picture, number(frame.ratio[1]));
+    svg("text", { x: width - 8, y: y + 4 - drop, "text-anchor": "end" }, picture, ratio([frame.ratio[1]]));
   });
 };
 const chart = (parent, title, frames) => {
@@ -83,7 +85,7 @@ report.parts.filter((part) => part.name.startsWith("frames")).forEach((part) => 
   element("summary", "Numbers", box);
   table(box, ["", "alpha test, ms", "micromaps, ms", "by the clock, ms", "ratio", "pairs", "candidates per ray", "differing pixels"],
   frames.map((f) => [`level ${f.level}, ${f.heavy ? "heavy" : "plain"}, ${f.width} × ${f.height}`, number(f.alpha), number(f.micromaps),
-    `${number(f.alphaWall)} / ${number(f.micromapsWall)}`, f.ratio.map((r) => number(r, 3)).join(" – "), f.pairs,
+    `${number(f.alphaWall)} / ${number(f.micromapsWall)}`, ratio(f.ratio, 3), f.pairs,
     f.candidatesPerRay.map((c) => number(c, 3)).join(" → "), f.differingPixels]));
   element("p", frames[0].timestamps ? "Times are by the GPU's timestamps." : "The device has no timestamps of use: times are by the clock.",
     box).className = "muted";
@@ -96,7 +98,7 @@ report.parts.filter((part) => part.name.startsWith("builds")).forEach((part) => 
   element("h3", `Micromaps ${implementation(part)}`, byId("build-tables"));
   table(byId("build-tables"), ["without micromaps", "without the layer, ms", "with it, ms", "by the clock, ms", "ratio", "per second"],
     builds.map((b) => [b.what, number(b.withoutLayer, 3), number(b.withLayer, 3),
-      `${number(b.withoutLayerWall, 3)} / ${number(b.withLayerWall, 3)}`, b.ratio.map((r) => number(r)).join(" – "),
+      `${number(b.withoutLayerWall, 3)} / ${number(b.withLayerWall, 3)}`, ratio(b.ratio),
       number(1000 * b.structures / b.withLayer, 0)]));
   table(byId("build-tables"), ["micromaps, one after another", "triangles", "ms", "by the clock, ms", "per second"],
     micromaps.map((m) => [`level ${m.level}`, m.triangles, number(m.milliseconds[1], 3), number(m.wall, 3),
@@ -110,7 +112,7 @@ report.parts.filter((part) => part.name.startsWith("pipelines")).forEach((part) 
   element("h3", `Micromaps ${implementation(part)}`, byId("pipeline-tables"));
   table(byId("pipeline-tables"), ["", "without the layer", "with it", "ratio"],
     pipelines.map((p) => [`${p.trace === "query" ? "ray queries" : "ray tracing pipeline"}, ${p.withMicromaps ? "with" : "without"} micromaps`,
-      number(p.withoutLayer, 1), number(p.withLayer, 1), number(p.ratio)]));
+      number(p.withoutLayer, 1), number(p.withLayer, 1), ratio([p.ratio])]));
 });
 
 // The scene is the same for all frames of a level.
