@@ -101,11 +101,10 @@ void getMicromapBuildSizes(DeviceValidation &device, VkDevice handle, VkAccelera
                            const VkMicromapBuildInfoEXT *info, VkMicromapBuildSizesInfoEXT *sizes)
 {
     const Place command("vkGetMicromapBuildSizesEXT");
-    if (device.checks.core && !device.driver.enabled.extFeature)
-        device.fault(command, "VUID-vkGetMicromapBuildSizesEXT-micromap-11618", "the feature micromap is not enabled");
+    checkFeature(device.at(command), "VUID-vkGetMicromapBuildSizesEXT-micromap-11618");
     if (device.checks.core) {
         const Place place = command.member("pSizeInfo");
-        checkStructure(RuleCheck(device, place), *sizes,
+        checkStructure(device.at(place), *sizes,
                        {VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT, "VUID-VkMicromapBuildSizesInfoEXT-sType-sType",
                         "VUID-VkMicromapBuildSizesInfoEXT-pNext-pNext"});
     }

@@ -15,7 +15,7 @@ using Structure = std::shared_ptr<ValidatedStructure>;
 // The source of a clone or a compaction, when the command is executed.
 void checkSource(const RuleCheck &check, const input::Copy &copy, const Structure &source, const char *constructed)
 {
-    if (!check.device().checks.core)
+    if (!check.model().checks.core)
         return;
     checkConstructed(check, source, constructed);
     if (copy.isCompaction)
@@ -29,10 +29,10 @@ void checkSource(const RuleCheck &check, const input::Copy &copy, const Structur
 void copied(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
             const std::shared_ptr<ValidatedStructure> &target)
 {
-    copyRecord(check.device(), check.commandBuffer(), source, target);
-    findReference(check.device(), target);
+    copyRecord(check.model(), check.commandBuffer(), source, target);
+    findReference(check.model(), target);
     if (target && source)
-        check.afterExecution([&device = check.device(), source, target](bool isOrdered) {
+        check.afterExecution([&device = check.model(), source, target](bool isOrdered) {
             const uint64_t built = source->built;
             const bool isKnown = isOrdered && (source->contents || !isNotConstructed(device, *source).empty());
             setContents(device, target, isKnown ? source->contents : unknownContents(source->type));
@@ -46,29 +46,28 @@ void deserialized(const RuleCheck &check, const std::shared_ptr<ValidatedStructu
     if (!target)
         return;
     if (!header || !check.commandBuffer()) // otherwise the device has written it, with the header
-        copyRecord(check.device(), check.commandBuffer(), nullptr, target);
-    findReference(check.device(), target);
+        copyRecord(check.model(), check.commandBuffer(), nullptr, target);
+    findReference(check.model(), target);
     const auto contents = unknownContents(target->type);
     contents->header = std::move(header);
-    check.afterExecution([&device = check.device(), target, contents](bool) { setContents(device, target, contents); });
+    check.afterExecution([&device = check.model(), target, contents](bool) { setContents(device, target, contents); });
 }
 
 input::Copy checkCopy(const RuleCheck &check, input::Copy copy, const char *constructed)
 {
-    DeviceModel &device = check.device();
+    DeviceModel &device = check.model();
     const Structure source = device.objects.structureOf(copy.source), target = device.objects.structureOf(copy.target);
     // The host knows only that the first byte is accessed.
     const bool same = memoryOf(source.get(), 1).overlaps(memoryOf(target.get(), 1));
-    rules::checkCopy(InputCheck(device.state.rules, check.place(), copy.target), copy,
-                     {device.factsOf(copy.source), device.factsOf(copy.target), same});
+    rules::checkCopy(check, copy, {device.factsOf(copy.source), device.factsOf(copy.target), same});
     checkSource(check, copy, source, constructed);
     return copy;
 }
 
 input::SerializedCopy checkCopy(const RuleCheck &check, input::SerializedCopy copy, const char *constructed)
 {
-    DeviceModel &device = check.device();
-    rules::checkCopy(InputCheck(device.state.rules, check.place(), copy.object), copy, device.factsOf(copy.object));
+    DeviceModel &device = check.model();
+    rules::checkCopy(check, copy, device.factsOf(copy.object));
     if (device.checks.core && copy.saves)
         checkConstructed(check, device.objects.structureOf(copy.object), constructed);
     return copy;
@@ -95,8 +94,8 @@ void recordCopy(DeviceValidation &device, const RuleCheck &check, const char *co
 void checkDataWhenExecuted(const RuleCheck &check, const char *command, const input::SerializedCopy &copy)
 {
     const VkDeviceAddress data = copy.data.deviceAddress;
-    if (check.device().checks.core && !check.device().state.rules.lacksBuffer(data))
-        checkWhenExecuted(check.device(), check.commandBuffer(),
+    if (check.model().checks.core && !check.model().state.rules.lacksBuffer(data))
+        checkWhenExecuted(check.model(), check.commandBuffer(),
                           {.address = data,
                            .command = command,
                            .member = copy.saves ? "pInfo.dst" : "pInfo.src",

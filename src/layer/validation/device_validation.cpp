@@ -14,10 +14,10 @@ void reportLeaks(const DeviceModel &device)
     device.objects.micromaps.visit(add);
     device.objects.structures.visit(add);
     if (device.checks.core && count != 0)
-        device.fault(Place("vkDestroyDevice"), "VUID-vkDestroyDevice-device-05137",
-                     std::to_string(count) + " micromaps and acceleration structures were not destroyed; one is " +
-                         device.nameOf(first),
-                     first);
+        device.at(Place("vkDestroyDevice"), first)
+            .report("VUID-vkDestroyDevice-device-05137", nullptr,
+                    std::to_string(count) + " micromaps and acceleration structures were not destroyed; one is " +
+                        device.nameOf(first));
 }
 
 DeviceValidation::~DeviceValidation()

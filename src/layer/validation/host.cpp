@@ -141,8 +141,7 @@ VkResult writeMicromapsProperties(DeviceValidation &device, VkDevice handle, uin
     query.bytes = bytes;
     query.stride = stride;
     query.memory = data;
-    rules::checkHostQuery(InputCheck(device.state.rules, command), query,
-                          [&device](ObjectHandle object) { return device.factsOf(object); });
+    rules::checkHostQuery(device.at(command), query, [&device](ObjectHandle object) { return device.factsOf(object); });
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
         const Place place = command.element("pMicromaps", i);
         const RuleCheck part(device, place, micromaps[i]);
@@ -158,9 +157,8 @@ VkResult writeMicromapsProperties(DeviceValidation &device, VkDevice handle, uin
 void getDeviceMicromapCompatibility(DeviceValidation &device, VkDevice handle, const VkMicromapVersionInfoEXT *info,
                                     VkAccelerationStructureCompatibilityKHR *result)
 {
-    if (device.checks.core && !device.driver.enabled.extFeature)
-        device.fault(Place("vkGetDeviceMicromapCompatibilityEXT"),
-                     "VUID-vkGetDeviceMicromapCompatibilityEXT-micromap-11666", "the feature micromap is not enabled");
+    checkFeature(device.at(Place("vkGetDeviceMicromapCompatibilityEXT")),
+                 "VUID-vkGetDeviceMicromapCompatibilityEXT-micromap-11666");
     device.next.GetDeviceMicromapCompatibilityEXT(handle, info, result);
 }
 

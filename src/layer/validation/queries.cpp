@@ -64,12 +64,10 @@ void checkTopLevel(const RuleCheck &check, const std::shared_ptr<ValidatedStruct
 void checkBegin(DeviceValidation &device, const char *name, VkQueryPool handle, const char *vuid)
 {
     const Pool pool = device.objects.queryPools.get(handle);
-    const Place command(name);
-    if (device.checks.core && pool)
-        RuleCheck(device, command)
-            .require(pool->type != VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT &&
-                         pool->type != VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT,
-                     "queryPool", vuid, "its queries are sizes of micromaps");
+    if (device.checks.core && pool &&
+        (pool->type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ||
+         pool->type == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT))
+        device.at(Place(name)).report(vuid, "queryPool", "its queries are sizes of micromaps");
 }
 
 // Checks a command that writes properties of structures, and changes the pool's queries when it is executed.
@@ -78,7 +76,7 @@ input::PropertyQuery writeProperties(const RuleCheck &command, input::PropertyQu
                                      std::vector<std::shared_ptr<ValidatedStructure>> &structures)
 {
     const QueryIds &ids = query.khr ? kKhrIds : kExtIds;
-    const DeviceModel &device = command.device();
+    const DeviceModel &device = command.model();
     const auto count = static_cast<uint32_t>(query.objects.size());
     rules::PoolFacts facts{.kind = pool                        ? rules::PoolFacts::Kind::Known
                                    : device.objects.anyUnknown ? rules::PoolFacts::Kind::Unknown
@@ -87,8 +85,7 @@ input::PropertyQuery writeProperties(const RuleCheck &command, input::PropertyQu
         facts.type = pool->type;
         facts.count = static_cast<uint32_t>(pool->states.size());
     }
-    rules::checkQuery(InputCheck(device.state.rules, command.place(), command.object()), query, facts,
-                      [&device](ObjectHandle object) { return device.factsOf(object); });
+    rules::checkQuery(command, query, facts, [&device](ObjectHandle object) { return device.factsOf(object); });
     for (const ObjectHandle object : query.objects)
         structures.push_back(device.objects.structureOf(object));
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
