@@ -109,7 +109,7 @@ void getMicromapBuildSizes(DeviceValidation &device, VkDevice handle, VkAccelera
                         "VUID-VkMicromapBuildSizesInfoEXT-pNext-pNext"});
     }
     input::Builds query = input::parse(1, info, type == VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR);
-    rules::checkSizes(device.state.rules, command, query);
+    rules::checkSizes(device.rules, command, query);
     const input::Checked checked(info, query);
     device.next.GetMicromapBuildSizesEXT(handle, type, info, sizes);
     device.sync.scratch.reported(type, *sizes);
@@ -122,8 +122,8 @@ void getAccelerationStructureBuildSizes(DeviceValidation &device, VkDevice handl
 {
     const Place command("vkGetAccelerationStructureBuildSizesKHR");
     input::Builds query = input::parse(1, info, nullptr);
-    rules::checkSizeParameters(device.state.rules, command, query, type, most != nullptr);
-    rules::checkSizes(device.state.rules, command, query);
+    rules::checkSizeParameters(device.rules, command, query, type, most != nullptr);
+    rules::checkSizes(device.rules, command, query);
     const input::Checked checked(info, query);
     device.next.GetAccelerationStructureBuildSizesKHR(handle, type, info, most, sizes);
     device.sync.scratch.reported(type, info->type, *sizes);

@@ -94,7 +94,7 @@ void recordCopy(DeviceValidation &device, const RuleCheck &check, const input::C
 void checkDataWhenExecuted(const RuleCheck &check, const input::SerializedCopy &copy)
 {
     const VkDeviceAddress data = copy.data.deviceAddress;
-    if (check.model().checks.core && !check.model().state.rules.lacksBuffer(data))
+    if (check.model().checks.core && !check.model().rules.lacksBuffer(data))
         checkWhenExecuted(check.model(), check.commandBuffer(),
                           {.address = data,
                            .command = check.place().command(),

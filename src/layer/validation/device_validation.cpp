@@ -61,7 +61,7 @@ std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const R
     device->driver.next.load(driver.handle, implementation);
     device->checks = driver.settings->validate;
     device->emulated = driver.emulated();
-    RuleDevice &own = device->state.rules;
+    RuleDevice &own = device->rules;
     own.validating = device->checks.core;
     own.ext = rules.ext;
     own.khr = rules.khr;

@@ -44,7 +44,7 @@ VkResult buildAccelerationStructures(DeviceValidation &device, VkDevice handle, 
 {
     input::Builds builds = input::parse(count, infos, ranges);
     noteChecked(device, builds);
-    rules::checkHostBuilds(device.state.rules, Place("vkBuildAccelerationStructuresKHR"), builds);
+    rules::checkHostBuilds(device.rules, Place("vkBuildAccelerationStructuresKHR"), builds);
     const std::vector<Structure> attached = micromapsOf(device, builds);
     const input::Checked checked(infos, builds);
     const VkResult result = device.next.BuildAccelerationStructuresKHR(handle, operation, count, infos, ranges);

@@ -6,6 +6,8 @@
 #include <iterator>
 #include <utility>
 
+#include "core/records.h"
+
 namespace vellum::layer
 {
 namespace

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "core/records.h"
 #include "layer/input/checked.h"
 #include "layer/input/copies.h"
 #include "layer/rules/ids.h"

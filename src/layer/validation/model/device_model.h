@@ -28,8 +28,8 @@ struct DeviceModel {
 
     // The subsystems below, once more: for validation's own work on the GPU.
     DeviceBuffers buffers{driver};
-    DeviceState state{driver, buffers}; // its rules are evaluated as `checks` states
-    DeviceCommandBuffers commands{driver, buffers, state, {}, CommandLogs::makeStates()};
+    DeviceCommandBuffers commands{driver, buffers, {}, CommandLogs::makeStates()};
+    RuleDevice rules{driver, buffers.addresses}; // evaluated as `checks` states
     MemoryPool captureMemory{buffers.gpu, 16,
                              [](const GpuContext &) { return VkBufferUsageFlags{VK_BUFFER_USAGE_TRANSFER_DST_BIT}; },
                              GpuBuffer::Content::Undefined};
@@ -45,13 +45,10 @@ struct DeviceModel {
     std::atomic<bool> hasCheckedBuild{false};
 
     // The check of a place, which must outlive it.
-    [[nodiscard]] InputCheck at(const Place &place, ObjectHandle object = {}) const
-    {
-        return {state.rules, place, object};
-    }
+    [[nodiscard]] InputCheck at(const Place &place, ObjectHandle object = {}) const { return {rules, place, object}; }
     // A micromap or an acceleration structure, as rules see it. Where memory ran out, an unknown one may be any.
     [[nodiscard]] ObjectFacts factsOf(ObjectHandle handle) const;
-    [[nodiscard]] std::string nameOf(ObjectHandle object) const { return state.rules.nameOf(object); }
+    [[nodiscard]] std::string nameOf(ObjectHandle object) const { return rules.nameOf(object); }
 };
 
 } // namespace vellum::layer

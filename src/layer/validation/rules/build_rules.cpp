@@ -225,7 +225,7 @@ void checkWhenExecuted(const RuleCheck &check, uint32_t element, std::span<const
 {
     DeviceModel &device = check.model();
     for (const Accessed &one : accessed)
-        if (!device.state.rules.lacksBuffer(one.address))
+        if (!device.rules.lacksBuffer(one.address))
             layer::checkWhenExecuted(device, check.commandBuffer(),
                                      {.address = one.address,
                                       .command = check.place().command(),
@@ -259,11 +259,11 @@ bool checkAddresses(const RuleCheck &check, const input::StructureBuild &build)
     bool valid = true;
     std::vector<Accessed> accessed = addressesOf(build);
     for (const Accessed &one : accessed)
-        if (const Found found = isInvalid(check.model().state.rules, one.address, Severity::Reject)) {
+        if (const Found found = isInvalid(check.model().rules, one.address, Severity::Reject)) {
             check.report(one.member->vuid, nullptr, textOf(one) + found.text);
             valid = false;
         } else if (one.geometry != AccessedAddress::kNone &&
-                   lacksUsage(check.model().state.rules, one.address,
+                   lacksUsage(check.model().rules, one.address,
                               VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR)) {
             check.report("VUID-vkCmdBuildAccelerationStructuresKHR-geometry-03673", nullptr,
                          textOf(one) + "its buffer was created without ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY");
@@ -529,8 +529,7 @@ void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildComman
 {
     noteChecked(device, builds);
     const Place place(nameOf(command));
-    rules::checkBuilds(device.state.rules, place, builds,
-                       [&device](ObjectHandle handle) { return device.factsOf(handle); });
+    rules::checkBuilds(device.rules, place, builds, [&device](ObjectHandle handle) { return device.factsOf(handle); });
     if (!device.checks.core)
         return;
     if (command == BuildCommand::Micromaps)

@@ -88,7 +88,7 @@ input::Pipelines checkPipelines(DeviceModel &device, uint32_t count, const VkCom
         checkFlags(device, place, flags, "VUID-VkComputePipelineCreateInfo-flags-07367");
         checkStage(device, place.member("stage"), infos[i].stage, flags);
     }
-    return rules::checkPipelines(device.state.rules, count, infos);
+    return rules::checkPipelines(device.rules, count, infos);
 }
 
 input::Pipelines checkPipelines(DeviceModel &device, uint32_t count, const VkGraphicsPipelineCreateInfo *infos)
@@ -108,7 +108,7 @@ input::Pipelines checkPipelines(DeviceModel &device, uint32_t count, const VkGra
         for (uint32_t s = 0; hasStages && s < infos[i].stageCount; ++s)
             checkStage(device, place.element("pStages", s), infos[i].pStages[s], flags);
     }
-    return rules::checkPipelines(device.state.rules, count, infos);
+    return rules::checkPipelines(device.rules, count, infos);
 }
 
 input::Pipelines checkPipelines(DeviceModel &device, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *infos)
@@ -123,7 +123,7 @@ input::Pipelines checkPipelines(DeviceModel &device, uint32_t count, const VkRay
         for (uint32_t s = 0; s < infos[i].stageCount; ++s)
             checkStage(device, place.element("pStages", s), infos[i].pStages[s], flags);
     }
-    return rules::checkPipelines(device.state.rules, count, infos, [&](VkPipeline handle) {
+    return rules::checkPipelines(device.rules, count, infos, [&](VkPipeline handle) {
         const auto library = device.objects.pipelines.libraries.get(handle);
         return library ? std::optional((*library & kMicromapFlags) != 0) : std::nullopt;
     });
@@ -138,7 +138,7 @@ input::Pipelines checkShaders(DeviceModel &device, uint32_t count, const VkShade
             checkWords(device, place,
                        {static_cast<const uint32_t *>(infos[i].pCode), infos[i].codeSize / sizeof(uint32_t)});
     }
-    return rules::checkShaders(device.state.rules, count, infos);
+    return rules::checkShaders(device.rules, count, infos);
 }
 
 void checkModule(DeviceModel &device, const VkShaderModuleCreateInfo &info)

@@ -27,7 +27,7 @@ void checkAddresses(const DeviceModel &device, AccessedAddresses &accessed)
         return;
     accessed.losses = losses;
     for (const AccessedAddress &one : accessed.addresses)
-        if (device.state.rules.lacksBuffer(one.address))
+        if (device.rules.lacksBuffer(one.address))
             device.at(Place(placeOf(one)), one.object)
                 .report(one.vuid, nullptr,
                         "when the command is executed, no buffer has the address " + hex(one.address) +
