@@ -48,7 +48,7 @@ def below(*subsystems):
     return {name: subsystems[:i] for i, name in enumerate(subsystems)}
 
 
-LOW = ("base", "input", "memory", "rules", "state", "command_buffer")
+LOW = ("base", "input", "memory", "rules", "command_buffer", "state")
 CHECKS = ("model", "rules", "gpu") # what the checks of validation may use; these use the ones before them
 SUBSYSTEMS = {
     "layer": below(*LOW) | {
@@ -58,7 +58,7 @@ SUBSYSTEMS = {
         "pipelines": LOW,
         "khr_over_ext": LOW + ("micromaps", "structures", "query_pool"),
         "device_address": LOW + ("micromaps", "structures", "query_pool"),
-        "validation": LOW,
+        "validation": LOW[:-1],
         "entry": LOW + ("micromaps", "structures", "query_pool", "pipelines", "khr_over_ext", "device_address", "validation"),
     },
     "layer/validation": below(*CHECKS) | {

@@ -364,10 +364,10 @@ TEST(ReporterTest, ToleratesUnlessStrict)
         texts.clear();
         Settings settings;
         report.apply(settings, nullptr);
-        EXPECT_TRUE(InputCheck(device, place).report("VELLUM-a", nullptr, Severity::Tolerate, "one").accepted);
+        EXPECT_TRUE(InputCheck(device, place).report("VELLUM-a", nullptr, "one", Severity::Tolerate).accepted);
         settings.strict = true;
         report.apply(settings, nullptr);
-        EXPECT_FALSE(InputCheck(device, place).report("VELLUM-a", nullptr, Severity::Tolerate, "two").accepted);
+        EXPECT_FALSE(InputCheck(device, place).report("VELLUM-a", nullptr, "two", Severity::Tolerate).accepted);
         EXPECT_EQ(texts, "warning: VELLUM-a: vkCommand: one; the layer goes on\nerror: VELLUM-a: vkCommand: two\n")
             << "validating: " << validating;
     }

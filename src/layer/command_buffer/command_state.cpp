@@ -215,7 +215,7 @@ VkResult beginCommandBuffer(DeviceCommandBuffers &device, VkCommandBuffer comman
                                     : nullptr;
         state->inheritsConditionalRendering = inherited && inherited->conditionalRenderingEnable;
     }
-    reportGpuErrors(device.objects);
+    device.onBegin();
     return device.driver.next.BeginCommandBuffer(commandBuffer, info);
 }
 

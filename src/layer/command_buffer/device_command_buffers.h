@@ -3,13 +3,14 @@
 // and deferred operations.
 #pragma once
 
+#include <functional>
 #include <memory>
 
 #include "layer/command_buffer/command_state.h"
 #include "layer/command_buffer/deferred_operation.h"
 #include "layer/command_buffer/driver_probe.h"
 #include "layer/command_buffer/injected_work.h"
-#include "layer/state/device_state.h"
+#include "layer/memory/device_buffers.h"
 
 namespace vellum::layer
 {
@@ -17,11 +18,11 @@ namespace vellum::layer
 struct DeviceCommandBuffers {
     Driver &driver;
     DeviceBuffers &buffers;
-    DeviceState &objects;
     InjectedPipelines injected{};
     CommandStates states{};
     HandleMap<VkDeferredOperationKHR, std::shared_ptr<DeferredOperation>> deferredOperations{};
-    ProbeQueue probes{}; // destroyed first: unfinished probes may use the other members
+    std::function<void()> onBegin = [] {}; // called when a command buffer begins
+    ProbeQueue probes{};             // destroyed first: unfinished probes may use the other members
 };
 
 } // namespace vellum::layer

@@ -20,8 +20,8 @@ AddressLookup::AddressLookup(const DeviceAddresses &device, VkCommandBuffer comm
 
 bool AddressLookup::report(Severity severity, const char *id, const std::string &text) const
 {
-    return InputCheck(device_.commands.objects.rules, command_, commandBuffer_, isReported_)
-        .report(id, nullptr, severity, severity == Severity::Reject ? text + "; " + otherwise_ : text)
+    return InputCheck(device_.queries.objects.rules, command_, commandBuffer_, isReported_)
+        .report(id, nullptr, severity == Severity::Reject ? text + "; " + otherwise_ : text, severity)
         .accepted;
 }
 

@@ -316,6 +316,7 @@ VkResult DeviceCreation::startEmulation()
 {
     const GpuContext &gpu = device->buffers.gpu;
     device->buffers.onAddress = [&objects = device->objects](VkBuffer buffer) { bufferHasAddress(objects, buffer); };
+    device->commands.onBegin = [&objects = device->objects] { reportGpuErrors(objects); };
     VkResult result = device->objects.root.create(gpu, keptAddresses(instance_.settings, *physical_));
     if (result == VK_SUCCESS)
         result = device->commands.injected.create(gpu, device->driver.pushBytes);

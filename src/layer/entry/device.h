@@ -23,7 +23,7 @@ struct Device : Registered<Device> {
     Driver driver{};
     DeviceBuffers buffers{driver};
     DeviceState objects{driver, buffers};
-    DeviceCommandBuffers commands{driver, buffers, objects};
+    DeviceCommandBuffers commands{driver, buffers};
     DeviceMicromaps micromaps{driver, buffers, objects, commands};
     DeviceStructures structures{driver, buffers, objects, commands, micromaps};
     DeviceQueryPools queries{driver, buffers, objects, commands, structures};

@@ -26,6 +26,7 @@ struct Copy {
     bool hasChain = false;
     bool accepted = true; // set by the check of the rules: the layer's implementation carries it out
 
+    [[nodiscard]] ObjectHandle subject() const { return target; } // messages are about it
     [[nodiscard]] bool khr() const { return target.type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR; }
 };
 inline Copy parse(const VkCopyMicromapInfoEXT &info, Executor executor)
@@ -38,7 +39,7 @@ inline Copy parse(const VkCopyMicromapInfoEXT &info, Executor executor)
             .rightType = info.sType == VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT,
             .hasChain = info.pNext != nullptr};
 }
-inline Copy parse(const VkCopyAccelerationStructureInfoKHR &info)
+inline Copy parse(const VkCopyAccelerationStructureInfoKHR &info, Executor = Executor::Device)
 {
     return {.source = info.src,
             .target = info.dst,
@@ -58,6 +59,7 @@ struct SerializedCopy {
     bool accepted = true;
     bool isReported = false; // the data is wrong, and that was reported
 
+    [[nodiscard]] ObjectHandle subject() const { return object; }
     [[nodiscard]] bool khr() const { return object.type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR; }
 };
 inline SerializedCopy parse(const VkCopyMicromapToMemoryInfoEXT &info, Executor executor)
@@ -79,14 +81,14 @@ inline SerializedCopy parse(const VkCopyMemoryToMicromapInfoEXT &info, Executor 
             .rightType = info.sType == VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT,
             .hasChain = info.pNext != nullptr};
 }
-inline SerializedCopy parse(const VkCopyAccelerationStructureToMemoryInfoKHR &info)
+inline SerializedCopy parse(const VkCopyAccelerationStructureToMemoryInfoKHR &info, Executor = Executor::Device)
 {
     return {.object = info.src,
             .saves = true,
             .data = {.deviceAddress = info.dst.deviceAddress},
             .rightMode = info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR};
 }
-inline SerializedCopy parse(const VkCopyMemoryToAccelerationStructureInfoKHR &info)
+inline SerializedCopy parse(const VkCopyMemoryToAccelerationStructureInfoKHR &info, Executor = Executor::Device)
 {
     return {.object = info.dst,
             .data = info.src,

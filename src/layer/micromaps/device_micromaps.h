@@ -4,6 +4,7 @@
 #pragma once
 
 #include "layer/command_buffer/device_command_buffers.h"
+#include "layer/state/device_state.h"
 
 namespace vellum::layer
 {

@@ -6,7 +6,6 @@
 #include <string>
 
 #include "core/records.h"
-#include "layer/input/checked.h"
 #include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_input.h"
@@ -126,38 +125,24 @@ void getDeviceMicromapCompatibility(DeviceMicromaps &device, VkDevice, const VkM
                          : VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
 }
 
-void cmdCopyMicromap(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const VkCopyMicromapInfoEXT *info)
-{
-    constexpr const char *kCommand = "vkCmdCopyMicromapEXT";
-    const auto copy = input::Checked<input::Copy>::take(info, [&] {
-        input::Copy parsed = input::parse(*info, input::Executor::Device);
-        const Place place(kCommand);
-        const Place member = place.member("pInfo");
-        rules::checkCopy(InputCheck(device.objects.rules, member, parsed.target), parsed,
-                         {micromapFacts(parsed.source), micromapFacts(parsed.target)});
-        return parsed;
-    });
-    if (copy.accepted && !InjectedWork::rejectedIn(device.commands, commandBuffer, kCommand))
-        recordMicromapCopy(device, commandBuffer, kCommand, *micromapOf(info->src), *micromapOf(info->dst));
-}
-
 namespace
 {
 
 template <typename Info>
 bool isAccepted(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const char *command, const Info &info)
 {
-    const auto copy = input::Checked<input::SerializedCopy>::take(&info, [&] {
-        input::SerializedCopy parsed = input::parse(info, input::Executor::Device);
-        const Place place(command);
-        const Place member = place.member("pInfo");
-        rules::checkCopy(InputCheck(device.objects.rules, member, parsed.object), parsed, micromapFacts(parsed.object));
-        return parsed;
-    });
-    return copy.accepted && !InjectedWork::rejectedIn(device.commands, commandBuffer, command);
+    return rules::takeCopy(device.objects.rules, command, info, input::Executor::Device, micromapFacts).accepted &&
+           !InjectedWork::rejectedIn(device.commands, commandBuffer, command);
 }
 
 } // namespace
+
+void cmdCopyMicromap(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const VkCopyMicromapInfoEXT *info)
+{
+    constexpr const char *kCommand = "vkCmdCopyMicromapEXT";
+    if (isAccepted(device, commandBuffer, kCommand, *info))
+        recordMicromapCopy(device, commandBuffer, kCommand, *micromapOf(info->src), *micromapOf(info->dst));
+}
 
 void cmdCopyMicromapToMemory(DeviceMicromaps &device, VkCommandBuffer commandBuffer,
                              const VkCopyMicromapToMemoryInfoEXT *info)

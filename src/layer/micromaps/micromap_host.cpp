@@ -113,6 +113,13 @@ ObjectFacts hostFacts(DeviceMicromaps &device, ObjectHandle handle)
     return facts;
 }
 
+template <typename Info>
+auto copyOf(DeviceMicromaps &device, const char *command, const Info &info)
+{
+    return rules::takeCopy(device.objects.rules, command, info, input::Executor::Host,
+                           [&device](ObjectHandle object) { return hostFacts(device, object); });
+}
+
 } // namespace
 
 VkResult buildMicromaps(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation, uint32_t count,
@@ -144,15 +151,7 @@ VkResult buildMicromaps(DeviceMicromaps &device, VkDevice, VkDeferredOperationKH
 VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
                       const VkCopyMicromapInfoEXT *info)
 {
-    const auto copy = input::Checked<input::Copy>::take(info, [&] {
-        input::Copy parsed = input::parse(*info, input::Executor::Host);
-        const Place place("vkCopyMicromapEXT");
-        const Place member = place.member("pInfo");
-        rules::checkCopy(InputCheck(device.objects.rules, member, parsed.target), parsed,
-                         {hostFacts(device, parsed.source), hostFacts(device, parsed.target)});
-        return parsed;
-    });
-    if (!copy.accepted)
+    if (!copyOf(device, "vkCopyMicromapEXT", *info).accepted)
         return rejected(device);
     const uint64_t used = usedBytes(device, info->src);
     const uint64_t capacity = micromapOf(info->dst)->size;
@@ -172,24 +171,6 @@ VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR 
     }
     return done(operation);
 }
-
-namespace
-{
-
-template <typename Info>
-input::SerializedCopy copyOf(DeviceMicromaps &device, const char *command, const Info &info)
-{
-    return input::Checked<input::SerializedCopy>::take(&info, [&] {
-        input::SerializedCopy parsed = input::parse(info, input::Executor::Host);
-        const Place place(command);
-        const Place member = place.member("pInfo");
-        rules::checkCopy(InputCheck(device.objects.rules, member, parsed.object), parsed,
-                         hostFacts(device, parsed.object));
-        return parsed;
-    });
-}
-
-} // namespace
 
 VkResult copyMicromapToMemory(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
                               const VkCopyMicromapToMemoryInfoEXT *info)

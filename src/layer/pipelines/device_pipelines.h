@@ -17,6 +17,7 @@
 #include "layer/pipelines/module_identifiers.h"
 #include "layer/pipelines/ray_tracing_pipeline.h"
 #include "layer/pipelines/rewrite_cache.h"
+#include "layer/state/device_state.h"
 #include "spirv/module/scan.h"
 #include "vk/newer.h"
 

@@ -915,7 +915,7 @@ Verdict findNeeds(const InputCheck &check, input::MicromapBuild &build)
     build.needs = needs.value_or(input::BuildNeeds{});
     if (needs || !device.support(build.khr))
         return {};
-    return check.report("VELLUM-micromap-too-large", "pUsageCounts", Reject,
+    return check.report("VELLUM-micromap-too-large", "pUsageCounts",
                         "they add up to more than 2^32 triangles or data units");
 }
 

@@ -3,6 +3,7 @@
 // whether the command is accepted.
 #pragma once
 
+#include "layer/input/checked.h"
 #include "layer/input/copies.h"
 #include "layer/rules/rule.h"
 
@@ -15,6 +16,29 @@ struct CopyFacts {
 };
 void checkCopy(const InputCheck &check, input::Copy &copy, const CopyFacts &facts);
 void checkCopy(const InputCheck &check, input::SerializedCopy &copy, const ObjectFacts &object);
+
+inline CopyFacts factsOf(const input::Copy &copy, const Facts &facts)
+{
+    return {facts(copy.source), facts(copy.target)};
+}
+inline ObjectFacts factsOf(const input::SerializedCopy &copy, const Facts &facts)
+{
+    return facts(copy.object);
+}
+// The copy that a command states: validation's, or parsed and checked.
+template <typename Info>
+auto takeCopy(const RuleDevice &device, const char *command, const Info &info, input::Executor executor,
+              const Facts &facts)
+{
+    using Copy = decltype(input::parse(info, executor));
+    return input::Checked<Copy>::take(&info, [&] {
+        Copy parsed = input::parse(info, executor);
+        const Place place(command);
+        const Place member = place.member("pInfo");
+        checkCopy(InputCheck(device, member, parsed.subject()), parsed, factsOf(parsed, facts));
+        return parsed;
+    });
+}
 
 struct PoolFacts {
     enum class Kind : uint8_t { Known, Unknown, None };

@@ -13,6 +13,8 @@ class Place
 {
 public:
     explicit Place(const char *command) : name_(command) {}
+    // The text of a place, which was kept, and which must outlive this one.
+    explicit Place(const std::string &text) : name_(text.c_str()) {}
 
     [[nodiscard]] Place member(const char *name) const & { return {name, this, kNoIndex}; }
     [[nodiscard]] Place element(const char *array, uint32_t index) const & { return {array, this, index}; }

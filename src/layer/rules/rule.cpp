@@ -94,7 +94,7 @@ bool lacksUsage(const RuleDevice &device, VkDeviceAddress address, VkFlags64 usa
     return device.addresses.find(address).buffer && !device.addresses.covering(address, 1, usage).buffer;
 }
 
-Verdict InputCheck::report(const char *id, const char *member, Severity severity, const std::string &text) const
+Verdict InputCheck::report(const char *id, const char *member, const std::string &text, Severity severity) const
 {
     if (severity == Severity::Report && !device_.validating)
         return {};

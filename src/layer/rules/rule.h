@@ -147,6 +147,7 @@ public:
     }
     [[nodiscard]] const RuleDevice &device() const { return device_; }
     [[nodiscard]] const Place &place() const { return place_; }
+    [[nodiscard]] ObjectHandle object() const { return object_; }
     // The check of a part, whose place must outlive it.
     [[nodiscard]] InputCheck at(const Place &place) const { return {device_, place, object_, isReported_}; }
 
@@ -162,16 +163,18 @@ public:
             if (rule.severity == Severity::Report && !device_.validating)
                 continue;
             if (const Found found = rule.find(input))
-                verdict &= report(rule.id, rule.member,
-                                  rule.severity == Severity::Depends ? found.severity : rule.severity, found.text);
+                verdict &= report(rule.id, rule.member, found.text,
+                                  rule.severity == Severity::Depends ? found.severity : rule.severity);
             if (!verdict.accepted && !device_.validating)
                 break;
         }
         return verdict;
     }
     // Reports a violation. All violations are reported here: a warning if the layer carries the command out all the
-    // same, and otherwise an error.
-    Verdict report(const char *id, const char *member, Severity severity, const std::string &text) const;
+    // same, and otherwise an error. `id`: as the specification names the rule; for one that it lacks, an id of Vellum.
+    // `member`: null: the place of the check. `text`: what was found, what is expected.
+    Verdict report(const char *id, const char *member, const std::string &text,
+                   Severity severity = Severity::Reject) const;
 
 private:
     const RuleDevice &device_;

@@ -333,7 +333,6 @@ void reportGpuErrors(DeviceState &device)
 
 void reportGpuErrors(DeviceState &device, uint32_t known)
 {
-    // Validation has a state of its own, whose shaders count none.
     if (!device.root.countsGpuErrors())
         return;
     const uint32_t bits = device.root.takeGpuErrors() & ~known;

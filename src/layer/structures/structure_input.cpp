@@ -156,14 +156,8 @@ template <typename Info>
 std::optional<SerializedCopy> serializedCopyOf(const DeviceState &objects, const char *command, const Info &info,
                                                VkAccelerationStructureKHR handle)
 {
-    const auto given = input::Checked<input::SerializedCopy>::take(&info, [&] {
-        input::SerializedCopy parsed = input::parse(info);
-        const Place place(command);
-        const Place member = place.member("pInfo");
-        rules::checkCopy(InputCheck(objects.rules, member, parsed.object), parsed,
-                         structureFacts(objects, parsed.object));
-        return parsed;
-    });
+    const auto given = rules::takeCopy(objects.rules, command, info, input::Executor::Device,
+                                       [&](ObjectHandle object) { return structureFacts(objects, object); });
     SerializedCopy copy{objects.accelerationStructures.get(handle), given.data.deviceAddress};
     if (!given.accepted || !copy.structure)
         return std::nullopt;

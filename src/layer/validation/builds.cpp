@@ -101,16 +101,15 @@ void getMicromapBuildSizes(DeviceValidation &device, VkDevice handle, VkAccelera
                            const VkMicromapBuildInfoEXT *info, VkMicromapBuildSizesInfoEXT *sizes)
 {
     const Place command("vkGetMicromapBuildSizesEXT");
-    if (device.checks.core && !device.driver.enabled.extFeature)
-        device.fault(command, "VUID-vkGetMicromapBuildSizesEXT-micromap-11618", "the feature micromap is not enabled");
+    checkFeature(device.at(command), "VUID-vkGetMicromapBuildSizesEXT-micromap-11618");
     if (device.checks.core) {
         const Place place = command.member("pSizeInfo");
-        checkStructure(RuleCheck(device, place), *sizes,
+        checkStructure(device.at(place), *sizes,
                        {VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT, "VUID-VkMicromapBuildSizesInfoEXT-sType-sType",
                         "VUID-VkMicromapBuildSizesInfoEXT-pNext-pNext"});
     }
     input::Builds query = input::parse(1, info, type == VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR);
-    rules::checkSizes(device.state.rules, command, query);
+    rules::checkSizes(device.rules, command, query);
     const input::Checked checked(info, query);
     device.next.GetMicromapBuildSizesEXT(handle, type, info, sizes);
     device.sync.scratch.reported(type, *sizes);
@@ -123,8 +122,8 @@ void getAccelerationStructureBuildSizes(DeviceValidation &device, VkDevice handl
 {
     const Place command("vkGetAccelerationStructureBuildSizesKHR");
     input::Builds query = input::parse(1, info, nullptr);
-    rules::checkSizeParameters(device.state.rules, command, query, type, most != nullptr);
-    rules::checkSizes(device.state.rules, command, query);
+    rules::checkSizeParameters(device.rules, command, query, type, most != nullptr);
+    rules::checkSizes(device.rules, command, query);
     const input::Checked checked(info, query);
     device.next.GetAccelerationStructureBuildSizesKHR(handle, type, info, most, sizes);
     device.sync.scratch.reported(type, info->type, *sizes);

@@ -15,7 +15,7 @@ using Structure = std::shared_ptr<ValidatedStructure>;
 // The source of a clone or a compaction, when the command is executed.
 void checkSource(const RuleCheck &check, const input::Copy &copy, const Structure &source, const char *constructed)
 {
-    if (!check.device().checks.core)
+    if (!check.model().checks.core)
         return;
     checkConstructed(check, source, constructed);
     if (copy.isCompaction)
@@ -29,10 +29,10 @@ void checkSource(const RuleCheck &check, const input::Copy &copy, const Structur
 void copied(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
             const std::shared_ptr<ValidatedStructure> &target)
 {
-    copyRecord(check.device(), check.commandBuffer(), source, target);
-    findReference(check.device(), target);
+    copyRecord(check.model(), check.commandBuffer(), source, target);
+    findReference(check.model(), target);
     if (target && source)
-        check.afterExecution([&device = check.device(), source, target](bool isOrdered) {
+        check.afterExecution([&device = check.model(), source, target](bool isOrdered) {
             const uint64_t built = source->built;
             const bool isKnown = isOrdered && (source->contents || !isNotConstructed(device, *source).empty());
             setContents(device, target, isKnown ? source->contents : unknownContents(source->type));
@@ -46,29 +46,28 @@ void deserialized(const RuleCheck &check, const std::shared_ptr<ValidatedStructu
     if (!target)
         return;
     if (!header || !check.commandBuffer()) // otherwise the device has written it, with the header
-        copyRecord(check.device(), check.commandBuffer(), nullptr, target);
-    findReference(check.device(), target);
+        copyRecord(check.model(), check.commandBuffer(), nullptr, target);
+    findReference(check.model(), target);
     const auto contents = unknownContents(target->type);
     contents->header = std::move(header);
-    check.afterExecution([&device = check.device(), target, contents](bool) { setContents(device, target, contents); });
+    check.afterExecution([&device = check.model(), target, contents](bool) { setContents(device, target, contents); });
 }
 
 input::Copy checkCopy(const RuleCheck &check, input::Copy copy, const char *constructed)
 {
-    DeviceModel &device = check.device();
+    DeviceModel &device = check.model();
     const Structure source = device.objects.structureOf(copy.source), target = device.objects.structureOf(copy.target);
     // The host knows only that the first byte is accessed.
     const bool same = memoryOf(source.get(), 1).overlaps(memoryOf(target.get(), 1));
-    rules::checkCopy(InputCheck(device.state.rules, check.place(), copy.target), copy,
-                     {device.factsOf(copy.source), device.factsOf(copy.target), same});
+    rules::checkCopy(check, copy, {device.factsOf(copy.source), device.factsOf(copy.target), same});
     checkSource(check, copy, source, constructed);
     return copy;
 }
 
 input::SerializedCopy checkCopy(const RuleCheck &check, input::SerializedCopy copy, const char *constructed)
 {
-    DeviceModel &device = check.device();
-    rules::checkCopy(InputCheck(device.state.rules, check.place(), copy.object), copy, device.factsOf(copy.object));
+    DeviceModel &device = check.model();
+    rules::checkCopy(check, copy, device.factsOf(copy.object));
     if (device.checks.core && copy.saves)
         checkConstructed(check, device.objects.structureOf(copy.object), constructed);
     return copy;
@@ -80,7 +79,7 @@ namespace
 {
 
 // Models a clone or a compaction on the device, before the implementation records it.
-void recordCopy(DeviceValidation &device, const RuleCheck &check, const char *command, const input::Copy &copy)
+void recordCopy(DeviceValidation &device, const RuleCheck &check, const input::Copy &copy)
 {
     const Structure source = device.objects.structureOf(copy.source), target = device.objects.structureOf(copy.target);
     if (copy.isCompaction)
@@ -88,124 +87,101 @@ void recordCopy(DeviceValidation &device, const RuleCheck &check, const char *co
     if (copy.khr())
         checkDeserializedMicromaps(device.gpu, check, source, "VUID-vkCmdCopyAccelerationStructureKHR-src-11634");
     copied(check, source, target);
-    sync::recordCopy(device.sync, check.commandBuffer(), command, source, target);
+    sync::recordCopy(device.sync, check.commandBuffer(), check.place().command(), source, target);
 }
 
 // The buffer of serialized data exists when the command is executed.
-void checkDataWhenExecuted(const RuleCheck &check, const char *command, const input::SerializedCopy &copy)
+void checkDataWhenExecuted(const RuleCheck &check, const input::SerializedCopy &copy)
 {
     const VkDeviceAddress data = copy.data.deviceAddress;
-    if (check.device().checks.core && !check.device().state.rules.lacksBuffer(data))
-        checkWhenExecuted(check.device(), check.commandBuffer(),
+    if (check.model().checks.core && !check.model().rules.lacksBuffer(data))
+        checkWhenExecuted(check.model(), check.commandBuffer(),
                           {.address = data,
-                           .command = command,
+                           .command = check.place().command(),
                            .member = copy.saves ? "pInfo.dst" : "pInfo.src",
                            .vuid = copy.saves ? (copy.khr() ? rules::kKhrSavedDataId : rules::kExtSavedDataId)
                                               : (copy.khr() ? rules::kKhrRestoredDataId : rules::kExtRestoredDataId),
                            .object = check.object()});
 }
 
-void recordSave(DeviceValidation &device, const RuleCheck &check, const char *command,
-                const input::SerializedCopy &copy)
+// As above, for a copy to or from serialized data.
+void recordCopy(DeviceValidation &device, const RuleCheck &check, const input::SerializedCopy &copy)
 {
-    checkDataWhenExecuted(check, command, copy);
-    const Structure source = device.objects.structureOf(copy.object);
-    checkSerializedSize(device.gpu, check, source, copy.data.deviceAddress);
+    checkDataWhenExecuted(check, copy);
+    const char *const command = check.place().command();
+    const VkDeviceAddress data = copy.data.deviceAddress;
+    const Structure structure = device.objects.structureOf(copy.object);
+    if (copy.saves) {
+        checkSerializedSize(device.gpu, check, structure, data);
+        if (copy.khr())
+            checkDeserializedMicromaps(device.gpu, check, structure,
+                                       "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-11582");
+        sync::recordSerialization(device.sync, check.commandBuffer(), command, structure, data);
+        return;
+    }
+    deserialized(check, structure, checkSerializedData(device.gpu, check, data, structure));
+    sync::recordDeserialization(device.sync, check.commandBuffer(), command, data, structure);
     if (copy.khr())
-        checkDeserializedMicromaps(device.gpu, check, source,
-                                   "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-11582");
-    sync::recordSerialization(device.sync, check.commandBuffer(), command, source, copy.data.deviceAddress);
+        device.traces.deserializes = true;
 }
 
-void recordRestore(DeviceValidation &device, const RuleCheck &check, const char *command,
-                   const input::SerializedCopy &copy)
+// A command that copies. `constructed`: as of checkCopy.
+template <typename Info>
+void checkedCopy(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *name, const Info *info,
+                 const char *constructed, void(VKAPI_PTR *next)(VkCommandBuffer, const Info *))
 {
-    checkDataWhenExecuted(check, command, copy);
-    const Structure target = device.objects.structureOf(copy.object);
-    deserialized(check, target, checkSerializedData(device.gpu, check, copy.data.deviceAddress, target));
-    sync::recordDeserialization(device.sync, check.commandBuffer(), command, copy.data.deviceAddress, target);
+    const Place command(name);
+    const Place place = command.member("pInfo");
+    auto copy = input::parse(*info, input::Executor::Device);
+    const RuleCheck check(device, place, copy.subject(), commandBuffer);
+    copy = checkCopy(check, std::move(copy), constructed);
+    recordCopy(device, check, copy);
+    const input::Checked checked(info, copy);
+    next(commandBuffer, info);
 }
 
 } // namespace
 
 void cmdCopyMicromap(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkCopyMicromapInfoEXT *info)
 {
-    const char *const name = "vkCmdCopyMicromapEXT";
-    const Place command(name);
-    const Place place = command.member("pInfo");
-    const RuleCheck check(device, place, info->dst, commandBuffer);
-    input::Copy copy =
-        checkCopy(check, input::parse(*info, input::Executor::Device), "VUID-vkCmdCopyMicromapEXT-src-07532");
-    recordCopy(device, check, name, copy);
-    const input::Checked checked(info, copy);
-    device.next.CmdCopyMicromapEXT(commandBuffer, info);
+    checkedCopy(device, commandBuffer, "vkCmdCopyMicromapEXT", info, "VUID-vkCmdCopyMicromapEXT-src-07532",
+                device.next.CmdCopyMicromapEXT);
 }
 
 void cmdCopyMicromapToMemory(DeviceValidation &device, VkCommandBuffer commandBuffer,
                              const VkCopyMicromapToMemoryInfoEXT *info)
 {
-    const char *const name = "vkCmdCopyMicromapToMemoryEXT";
-    const Place command(name);
-    const Place place = command.member("pInfo");
-    const RuleCheck check(device, place, info->src, commandBuffer);
-    input::SerializedCopy copy = checkCopy(check, input::parse(*info, input::Executor::Device), kSavedMicromapId);
-    recordSave(device, check, name, copy);
-    const input::Checked checked(info, copy);
-    device.next.CmdCopyMicromapToMemoryEXT(commandBuffer, info);
+    checkedCopy(device, commandBuffer, "vkCmdCopyMicromapToMemoryEXT", info, kSavedMicromapId,
+                device.next.CmdCopyMicromapToMemoryEXT);
 }
 
 void cmdCopyMemoryToMicromap(DeviceValidation &device, VkCommandBuffer commandBuffer,
                              const VkCopyMemoryToMicromapInfoEXT *info)
 {
-    const char *const name = "vkCmdCopyMemoryToMicromapEXT";
-    const Place command(name);
-    const Place place = command.member("pInfo");
-    const RuleCheck check(device, place, info->dst, commandBuffer);
-    input::SerializedCopy copy = checkCopy(check, input::parse(*info, input::Executor::Device), nullptr);
-    recordRestore(device, check, name, copy);
-    const input::Checked checked(info, copy);
-    device.next.CmdCopyMemoryToMicromapEXT(commandBuffer, info);
+    checkedCopy(device, commandBuffer, "vkCmdCopyMemoryToMicromapEXT", info, nullptr,
+                device.next.CmdCopyMemoryToMicromapEXT);
 }
 
 void cmdCopyAccelerationStructure(DeviceValidation &device, VkCommandBuffer commandBuffer,
                                   const VkCopyAccelerationStructureInfoKHR *info)
 {
-    const char *const name = "vkCmdCopyAccelerationStructureKHR";
-    const Place command(name);
-    const Place place = command.member("pInfo");
-    const RuleCheck check(device, place, info->dst, commandBuffer);
-    input::Copy copy = checkCopy(check, input::parse(*info), "VUID-vkCmdCopyAccelerationStructureKHR-src-11633");
-    recordCopy(device, check, name, copy);
-    const input::Checked checked(info, copy);
-    device.next.CmdCopyAccelerationStructureKHR(commandBuffer, info);
+    checkedCopy(device, commandBuffer, "vkCmdCopyAccelerationStructureKHR", info,
+                "VUID-vkCmdCopyAccelerationStructureKHR-src-11633", device.next.CmdCopyAccelerationStructureKHR);
 }
 
 void cmdCopyAccelerationStructureToMemory(DeviceValidation &device, VkCommandBuffer commandBuffer,
                                           const VkCopyAccelerationStructureToMemoryInfoKHR *info)
 {
-    const char *const name = "vkCmdCopyAccelerationStructureToMemoryKHR";
-    const Place command(name);
-    const Place place = command.member("pInfo");
-    const RuleCheck check(device, place, info->src, commandBuffer);
-    input::SerializedCopy copy =
-        checkCopy(check, input::parse(*info), "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-04959");
-    recordSave(device, check, name, copy);
-    const input::Checked checked(info, copy);
-    device.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, info);
+    checkedCopy(device, commandBuffer, "vkCmdCopyAccelerationStructureToMemoryKHR", info,
+                "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-04959",
+                device.next.CmdCopyAccelerationStructureToMemoryKHR);
 }
 
 void cmdCopyMemoryToAccelerationStructure(DeviceValidation &device, VkCommandBuffer commandBuffer,
                                           const VkCopyMemoryToAccelerationStructureInfoKHR *info)
 {
-    const char *const name = "vkCmdCopyMemoryToAccelerationStructureKHR";
-    const Place command(name);
-    const Place place = command.member("pInfo");
-    const RuleCheck check(device, place, info->dst, commandBuffer);
-    input::SerializedCopy copy = checkCopy(check, input::parse(*info), nullptr);
-    recordRestore(device, check, name, copy);
-    device.traces.deserializes = true;
-    const input::Checked checked(info, copy);
-    device.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, info);
+    checkedCopy(device, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR", info, nullptr,
+                device.next.CmdCopyMemoryToAccelerationStructureKHR);
 }
 
 } // namespace validation

@@ -24,9 +24,9 @@ void checkWrites(DeviceValidation &device, const char *command, uint32_t count, 
                 structure->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
                 continue;
             const Place element = place.element("pDescriptorWrites", w);
-            device.fault(element.element("pAccelerationStructures", i),
-                         "VUID-VkWriteDescriptorSetAccelerationStructureKHR-pAccelerationStructures-03579",
-                         "the structure was created as neither TOP_LEVEL nor GENERIC", structure->handle);
+            device.at(element.element("pAccelerationStructures", i), structure->handle)
+                .report("VUID-VkWriteDescriptorSetAccelerationStructureKHR-pAccelerationStructures-03579", nullptr,
+                        "the structure was created as neither TOP_LEVEL nor GENERIC");
         }
     }
 }

@@ -14,10 +14,10 @@ void reportLeaks(const DeviceModel &device)
     device.objects.micromaps.visit(add);
     device.objects.structures.visit(add);
     if (device.checks.core && count != 0)
-        device.fault(Place("vkDestroyDevice"), "VUID-vkDestroyDevice-device-05137",
-                     std::to_string(count) + " micromaps and acceleration structures were not destroyed; one is " +
-                         device.nameOf(first),
-                     first);
+        device.at(Place("vkDestroyDevice"), first)
+            .report("VUID-vkDestroyDevice-device-05137", nullptr,
+                    std::to_string(count) + " micromaps and acceleration structures were not destroyed; one is " +
+                        device.nameOf(first));
 }
 
 DeviceValidation::~DeviceValidation()
@@ -61,7 +61,7 @@ std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const R
     device->driver.next.load(driver.handle, implementation);
     device->checks = driver.settings->validate;
     device->emulated = driver.emulated();
-    RuleDevice &own = device->state.rules;
+    RuleDevice &own = device->rules;
     own.validating = device->checks.core;
     own.ext = rules.ext;
     own.khr = rules.khr;

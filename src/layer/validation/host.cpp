@@ -44,7 +44,7 @@ VkResult buildAccelerationStructures(DeviceValidation &device, VkDevice handle, 
 {
     input::Builds builds = input::parse(count, infos, ranges);
     noteChecked(device, builds);
-    rules::checkHostBuilds(device.state.rules, Place("vkBuildAccelerationStructuresKHR"), builds);
+    rules::checkHostBuilds(device.rules, Place("vkBuildAccelerationStructuresKHR"), builds);
     const std::vector<Structure> attached = micromapsOf(device, builds);
     const input::Checked checked(infos, builds);
     const VkResult result = device.next.BuildAccelerationStructuresKHR(handle, operation, count, infos, ranges);
@@ -141,8 +141,7 @@ VkResult writeMicromapsProperties(DeviceValidation &device, VkDevice handle, uin
     query.bytes = bytes;
     query.stride = stride;
     query.memory = data;
-    rules::checkHostQuery(InputCheck(device.state.rules, command), query,
-                          [&device](ObjectHandle object) { return device.factsOf(object); });
+    rules::checkHostQuery(device.at(command), query, [&device](ObjectHandle object) { return device.factsOf(object); });
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
         const Place place = command.element("pMicromaps", i);
         const RuleCheck part(device, place, micromaps[i]);
@@ -158,9 +157,8 @@ VkResult writeMicromapsProperties(DeviceValidation &device, VkDevice handle, uin
 void getDeviceMicromapCompatibility(DeviceValidation &device, VkDevice handle, const VkMicromapVersionInfoEXT *info,
                                     VkAccelerationStructureCompatibilityKHR *result)
 {
-    if (device.checks.core && !device.driver.enabled.extFeature)
-        device.fault(Place("vkGetDeviceMicromapCompatibilityEXT"),
-                     "VUID-vkGetDeviceMicromapCompatibilityEXT-micromap-11666", "the feature micromap is not enabled");
+    checkFeature(device.at(Place("vkGetDeviceMicromapCompatibilityEXT")),
+                 "VUID-vkGetDeviceMicromapCompatibilityEXT-micromap-11666");
     device.next.GetDeviceMicromapCompatibilityEXT(handle, info, result);
 }
 

@@ -5,6 +5,7 @@
 #include "layer/validation/commands.h"
 #include "layer/validation/ranges/ranges.h"
 #include "layer/validation/rules/creation_rules.h"
+#include "layer/validation/rules/implicit_rules.h"
 
 namespace vellum::layer::validation
 {
@@ -75,7 +76,7 @@ bool isDestroyed(DeviceValidation &device, ObjectHandle object, const char *comm
     const bool destroyed = device.checks.core && device.objects.destroyed.contains(object);
     const Place place(command);
     if (destroyed)
-        device.fault(place.member(member), vuid, "it was destroyed", object);
+        device.at(place, object).report(vuid, member, "it was destroyed");
     return destroyed;
 }
 
@@ -336,7 +337,7 @@ void destroyMicromap(DeviceValidation &device, VkDevice handle, VkMicromapEXT mi
         return;
     const auto known = device.objects.micromaps.take(micromap);
     if (device.checks.core) {
-        checkMicromapDestruction(device);
+        checkFeature(device.at(Place("vkDestroyMicromapEXT")), "VUID-vkDestroyMicromapEXT-micromap-11619");
         checkDestruction(device, known.get(), allocator != nullptr);
     }
     if (known) {

@@ -44,10 +44,10 @@ void checkLibraries(DeviceValidation &device, const Place &place, const VkGraphi
     for (uint32_t i = 0; i < libraries->libraryCount; ++i) {
         const VkPipeline library = libraries->pLibraries[i];
         if (const auto flags = device.traces.libraries.get(library); flags != 0 && (flags & kMixedPromise) == 0)
-            device.fault(place.element("pLibraries", i), "VUID-VkGraphicsPipelineCreateInfo-pLibraries-11594",
-                         "the library was created without OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX, which the "
-                         "pipeline has",
-                         {VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(library)});
+            device.at(place.element("pLibraries", i), {VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(library)})
+                .report("VUID-VkGraphicsPipelineCreateInfo-pLibraries-11594", nullptr,
+                        "the library was created without OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX, which the "
+                        "pipeline has");
     }
 }
 

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Queries of the sizes of micromaps and acceleration structures.
+#include <span>
+
 #include "layer/input/checked.h"
 #include "layer/rules/copies.h"
 #include "layer/validation/commands.h"
@@ -64,21 +66,18 @@ void checkTopLevel(const RuleCheck &check, const std::shared_ptr<ValidatedStruct
 void checkBegin(DeviceValidation &device, const char *name, VkQueryPool handle, const char *vuid)
 {
     const Pool pool = device.objects.queryPools.get(handle);
-    const Place command(name);
-    if (device.checks.core && pool)
-        RuleCheck(device, command)
-            .require(pool->type != VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT &&
-                         pool->type != VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT,
-                     "queryPool", vuid, "its queries are sizes of micromaps");
+    if (device.checks.core && pool &&
+        (pool->type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ||
+         pool->type == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT))
+        device.at(Place(name)).report(vuid, "queryPool", "its queries are sizes of micromaps");
 }
 
-// Checks a command that writes properties of structures, and changes the pool's queries when it is executed.
-// `structures`: those of the query.
-input::PropertyQuery writeProperties(const RuleCheck &command, input::PropertyQuery query, const Pool &pool,
-                                     std::vector<std::shared_ptr<ValidatedStructure>> &structures)
+// Checks a query of properties of these structures, and changes the pool's queries when it is executed.
+void checkQuery(const RuleCheck &command, input::PropertyQuery &query, const Pool &pool,
+                std::span<const std::shared_ptr<ValidatedStructure>> structures)
 {
     const QueryIds &ids = query.khr ? kKhrIds : kExtIds;
-    const DeviceModel &device = command.device();
+    const DeviceModel &device = command.model();
     const auto count = static_cast<uint32_t>(query.objects.size());
     rules::PoolFacts facts{.kind = pool                        ? rules::PoolFacts::Kind::Known
                                    : device.objects.anyUnknown ? rules::PoolFacts::Kind::Unknown
@@ -87,10 +86,7 @@ input::PropertyQuery writeProperties(const RuleCheck &command, input::PropertyQu
         facts.type = pool->type;
         facts.count = static_cast<uint32_t>(pool->states.size());
     }
-    rules::checkQuery(InputCheck(device.state.rules, command.place(), command.object()), query, facts,
-                      [&device](ObjectHandle object) { return device.factsOf(object); });
-    for (const ObjectHandle object : query.objects)
-        structures.push_back(device.objects.structureOf(object));
+    rules::checkQuery(command, query, facts, [&device](ObjectHandle object) { return device.factsOf(object); });
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
         const Place place = command.place().element(query.khr ? "pAccelerationStructures" : "pMicromaps", i);
         const RuleCheck check = command.at(place);
@@ -101,12 +97,34 @@ input::PropertyQuery writeProperties(const RuleCheck &command, input::PropertyQu
             checkTopLevel(check, structures[i]);
     }
     if (!pool)
-        return query;
+        return;
     if (device.checks.core && pool->type == query.type && uint64_t{query.first} + count <= facts.count)
         checkUnavailable(command, pool, query.first, count, ids.unavailable);
     command.afterExecution(
         [pool, first = query.first, count](bool) { setStates(*pool, first, count, State::Available); });
-    return query;
+}
+
+template <typename Handle>
+using WritesProperties = void(VKAPI_PTR *)(VkCommandBuffer, uint32_t, const Handle *, VkQueryType, VkQueryPool,
+                                           uint32_t);
+
+// A command that writes properties of the structures in `array`.
+template <typename Handle>
+void writeProperties(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *name, const char *array,
+                     uint32_t count, const Handle *handles, VkQueryType type, VkQueryPool handle, uint32_t first,
+                     WritesProperties<Handle> next)
+{
+    const Place place(name);
+    const Pool pool = device.objects.queryPools.get(handle);
+    input::PropertyQuery query = input::parseQuery(count, handles, type, first);
+    std::vector<std::shared_ptr<ValidatedStructure>> structures;
+    for (const ObjectHandle object : query.objects)
+        structures.push_back(device.objects.structureOf(object));
+    checkQuery({device, place, commandBuffer, commandBuffer}, query, pool, structures);
+    sync::recordQuery(device.sync, commandBuffer, name, array, structures);
+    sync::recordUse(device.sync, commandBuffer, name, pool);
+    const input::Checked checked(handles, query);
+    next(commandBuffer, count, handles, type, handle, first);
 }
 
 } // namespace
@@ -188,34 +206,18 @@ void cmdBeginQueryIndexed(DeviceValidation &device, VkCommandBuffer commandBuffe
 }
 
 void cmdWriteMicromapsProperties(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
-                                 const VkMicromapEXT *micromaps, VkQueryType type, VkQueryPool handle, uint32_t first)
+                                 const VkMicromapEXT *micromaps, VkQueryType type, VkQueryPool pool, uint32_t first)
 {
-    const char *const name = "vkCmdWriteMicromapsPropertiesEXT";
-    const Place place(name);
-    const Pool pool = device.objects.queryPools.get(handle);
-    std::vector<std::shared_ptr<ValidatedStructure>> known;
-    input::PropertyQuery query = writeProperties(RuleCheck(device, place, commandBuffer, commandBuffer),
-                                                 input::parseQuery(count, micromaps, type, first), pool, known);
-    sync::recordQuery(device.sync, commandBuffer, name, "pMicromaps", known);
-    sync::recordUse(device.sync, commandBuffer, name, pool);
-    const input::Checked checked(micromaps, query);
-    device.next.CmdWriteMicromapsPropertiesEXT(commandBuffer, count, micromaps, type, handle, first);
+    writeProperties(device, commandBuffer, "vkCmdWriteMicromapsPropertiesEXT", "pMicromaps", count, micromaps, type,
+                    pool, first, device.next.CmdWriteMicromapsPropertiesEXT);
 }
 
 void cmdWriteAccelerationStructuresProperties(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
                                               const VkAccelerationStructureKHR *structures, VkQueryType type,
-                                              VkQueryPool handle, uint32_t first)
+                                              VkQueryPool pool, uint32_t first)
 {
-    const char *const name = "vkCmdWriteAccelerationStructuresPropertiesKHR";
-    const Place place(name);
-    const Pool pool = device.objects.queryPools.get(handle);
-    std::vector<std::shared_ptr<ValidatedStructure>> known;
-    input::PropertyQuery query = writeProperties(RuleCheck(device, place, commandBuffer, commandBuffer),
-                                                 input::parseQuery(count, structures, type, first), pool, known);
-    sync::recordQuery(device.sync, commandBuffer, name, "pAccelerationStructures", known);
-    sync::recordUse(device.sync, commandBuffer, name, pool);
-    const input::Checked checked(structures, query);
-    device.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, count, structures, type, handle, first);
+    writeProperties(device, commandBuffer, "vkCmdWriteAccelerationStructuresPropertiesKHR", "pAccelerationStructures",
+                    count, structures, type, pool, first, device.next.CmdWriteAccelerationStructuresPropertiesKHR);
 }
 
 } // namespace validation

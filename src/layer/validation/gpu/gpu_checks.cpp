@@ -6,6 +6,8 @@
 #include <iterator>
 #include <utility>
 
+#include "core/records.h"
+
 namespace vellum::layer
 {
 namespace
@@ -130,10 +132,10 @@ void GpuBuildChecks::add(const input::MicromapBuild &build)
         if (build.khr)
             return; // the check `core` reports it
         const Place command("vkCmdBuildMicromapsEXT");
-        device_.fault(command.element("pInfos", build.element), "VELLUM-micromap-triangle-array",
-                      "triangle " + std::to_string(readable) + " is outside the buffer of triangleArray; the usage " +
-                          "counts state " + std::to_string(count) + " triangles",
-                      build.target);
+        device_.at(command.element("pInfos", build.element), build.target)
+            .report("VELLUM-micromap-triangle-array", nullptr,
+                    "triangle " + std::to_string(readable) + " is outside the buffer of triangleArray; the usage " +
+                        "counts state " + std::to_string(count) + " triangles");
         return;
     }
     Usage &usage = usages_.emplace_back();

@@ -187,7 +187,7 @@ void reportFinding(GpuChecks &gpu, const Finding &f)
         rule = instanceRule(gpu, f);
         rule.text = "instance " + number(f.element) + ": " + rule.text;
     }
-    gpu.device.fault(placeOf(f), rule.vuid, rule.text, object);
+    gpu.device.at(Place(placeOf(f)), object).report(rule.vuid, nullptr, rule.text);
 }
 
 VkResult GpuLog::create(const GpuContext &context)

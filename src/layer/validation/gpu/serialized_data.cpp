@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "core/records.h"
 #include "layer/input/checked.h"
 #include "layer/input/copies.h"
 #include "layer/rules/ids.h"
@@ -63,7 +64,7 @@ struct Command {
     // micromap.
     void fault(const char *vuid, const std::string &text, uint32_t error, uint32_t ofMicromaps) const
     {
-        device.fault(place, vuid, text, structure.handle);
+        device.at(Place(place), structure.handle).report(vuid, nullptr, text);
         if (structure.isMicromap() || structure.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
             found |= 1u << ofMicromaps;
         if (!structure.isMicromap())
@@ -109,12 +110,16 @@ void reportBlocks(const Command &command, Words words)
         const bool known = type == VK_ACCELERATION_STRUCTURE_SERIALIZED_BLOCK_TYPE_OPACITY_MICROMAP_KHR;
         if (!known || !device.driver.enabled.khrFeature) // emulation takes the data for damaged
             command.found |= 1u << shared::kGpuErrorDamagedData;
-        if (!known)
-            return device.fault(command.place, "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-11583",
-                                where + "has the unknown type " + std::to_string(type), command.structure.handle);
+        if (!known) {
+            device.at(Place(command.place), command.structure.handle)
+                .report("VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-11583", nullptr,
+                        where + "has the unknown type " + std::to_string(type));
+            return;
+        }
         if (!device.driver.enabled.khrFeature)
-            device.fault(command.place, "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11584",
-                         where + "names micromaps; the feature micromap is not enabled", command.structure.handle);
+            device.at(Place(command.place), command.structure.handle)
+                .report("VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11584", nullptr,
+                        where + "names micromaps; the feature micromap is not enabled");
         for (size_t i = 0; i < addresses.size() && device.objects.byMemory.isComplete(); i += 2) {
             // 0: a geometry without a micromap.
             const VkDeviceAddress address = number64(addresses, i);
@@ -254,7 +259,7 @@ void addWhenExecuted(GpuChecks &gpu, const RuleCheck &check, PendingChecks::Chec
 void checkSize(GpuChecks &gpu, const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
                VkQueryType type, const char *vuid, VkDeviceSize most, const std::string &text, uint32_t error)
 {
-    DeviceModel &device = check.device();
+    DeviceModel &device = check.model();
     const CommandState *state = device.commands.states.get(check.commandBuffer());
     if (!device.checks.gpu || !source || !source->buffer || !source->buffer->memory || !state ||
         state->inheritsConditionalRendering)
@@ -328,7 +333,7 @@ void PendingChecks::report(DeviceModel &device)
 std::shared_ptr<SerializedHeader> checkSerializedData(GpuChecks &gpu, const RuleCheck &check, VkDeviceAddress data,
                                                       const std::shared_ptr<ValidatedStructure> &target)
 {
-    DeviceModel &device = check.device();
+    DeviceModel &device = check.model();
     const VkDeviceSize readable = device.buffers.addresses.bytesFrom(data);
     const CommandState *state = device.commands.states.get(check.commandBuffer());
     if (!device.checks.gpu || !target || !target->record || !state || state->inheritsConditionalRendering ||
@@ -364,7 +369,7 @@ std::shared_ptr<SerializedHeader> checkSerializedData(GpuChecks &gpu, const Rule
 std::shared_ptr<SerializedHeader> checkSerializedData(const RuleCheck &check, const void *data,
                                                       const ValidatedStructure *target)
 {
-    DeviceModel &device = check.device();
+    DeviceModel &device = check.model();
     if (!device.checks.gpu || !target || !data)
         return nullptr;
     std::vector<uint32_t> words(kHeaderWords);
@@ -390,7 +395,7 @@ std::shared_ptr<SerializedHeader> checkSerializedData(const RuleCheck &check, co
 void checkSerializedSize(GpuChecks &gpu, const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
                          VkDeviceAddress target)
 {
-    const VkDeviceSize most = check.device().buffers.addresses.bytesFrom(target);
+    const VkDeviceSize most = check.model().buffers.addresses.bytesFrom(target);
     if (!source || most == UINT64_MAX)
         return;
     const bool ext = isExt(*source);
@@ -410,7 +415,7 @@ void checkCompactedSize(GpuChecks &gpu, const RuleCheck &check, const std::share
     checkSize(gpu, check, source,
               ext ? VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT : VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR,
               ext ? "VELLUM-micromap-copy-size" : rules::ids::kCompactedSize, target->size,
-              "dst " + check.device().nameOf(target->handle) + " was created with " + std::to_string(target->size) +
+              "dst " + check.model().nameOf(target->handle) + " was created with " + std::to_string(target->size) +
                   " bytes",
               shared::kGpuErrorCopyTooSmall);
 }
@@ -446,7 +451,7 @@ void checkDeserializedMicromaps(GpuChecks &gpu, const RuleCheck &check,
 {
     if (!source)
         return;
-    DeviceModel &device = check.device();
+    DeviceModel &device = check.model();
     device.logs.add(check.commandBuffer(), [&device, &gpu, place = check.place().text(), source,
                                             vuid](const Submission &submission) {
         const auto contents = source->contents;
@@ -457,7 +462,7 @@ void checkDeserializedMicromaps(GpuChecks &gpu, const RuleCheck &check,
                 return false;
             if (contents->header->state() == SerializedHeader::State::Read)
                 if (const std::string wrong = wrongMicromapOf(device, *contents, number); !wrong.empty())
-                    device.fault(place, vuid, wrong, source->handle);
+                    device.at(Place(place), source->handle).report(vuid, nullptr, wrong);
             return true;
         });
     });

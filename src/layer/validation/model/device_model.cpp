@@ -16,8 +16,8 @@ ObjectFacts DeviceModel::factsOf(ObjectHandle handle) const
                                                       : structure->type,
                       .size = structure->size};
     found.content = found.type;
-    if (found.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR && state.rules.content)
-        found.content = state.rules.content(handle);
+    if (found.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR && rules.content)
+        found.content = rules.content(handle);
     found.lacksMemory = lacksMemory(*this, *structure);
     if (const ValidatedBuffer *buffer = structure->buffer.get())
         found.hostVisible = buffer->memory && objects.memories.get(buffer->memory).hostVisible;

@@ -9,8 +9,7 @@
 #include <string>
 
 #include "layer/command_buffer/device_command_buffers.h"
-#include "layer/rules/ids.h"
-#include "layer/rules/place.h"
+#include "layer/rules/rule.h"
 #include "layer/validation/model/command_log.h"
 #include "layer/validation/model/device_facts.h"
 #include "layer/validation/model/objects.h"
@@ -29,8 +28,8 @@ struct DeviceModel {
 
     // The subsystems below, once more: for validation's own work on the GPU.
     DeviceBuffers buffers{driver};
-    DeviceState state{driver, buffers}; // its rules are evaluated as `checks` states
-    DeviceCommandBuffers commands{driver, buffers, state, {}, CommandLogs::makeStates()};
+    DeviceCommandBuffers commands{driver, buffers, {}, CommandLogs::makeStates()};
+    RuleDevice rules{driver, buffers.addresses}; // evaluated as `checks` states
     MemoryPool captureMemory{buffers.gpu, 16,
                              [](const GpuContext &) { return VkBufferUsageFlags{VK_BUFFER_USAGE_TRANSFER_DST_BIT}; },
                              GpuBuffer::Content::Undefined};
@@ -45,20 +44,11 @@ struct DeviceModel {
     std::atomic<uint64_t> numbers{0}; // of structures
     std::atomic<bool> hasCheckedBuild{false};
 
-    // Reports the violation of a rule. `vuid`: as the specification names it; for a rule without one, an
-    // id of Vellum. `text`: what was found, what is expected.
-    void fault(const Place &place, const char *vuid, const std::string &text, ObjectHandle object = {}) const
-    {
-        fault(place.text(), vuid, text, object);
-    }
-    // As above, for a place whose text was kept: for faults that are found when a command buffer is submitted.
-    void fault(const std::string &place, const char *vuid, const std::string &text, ObjectHandle object = {}) const
-    {
-        driver.report().error(rules::ids::idAt(place, vuid), place + ": " + text, object.type, object.handle);
-    }
+    // The check of a place, which must outlive it.
+    [[nodiscard]] InputCheck at(const Place &place, ObjectHandle object = {}) const { return {rules, place, object}; }
     // A micromap or an acceleration structure, as rules see it. Where memory ran out, an unknown one may be any.
     [[nodiscard]] ObjectFacts factsOf(ObjectHandle handle) const;
-    [[nodiscard]] std::string nameOf(ObjectHandle object) const { return state.rules.nameOf(object); }
+    [[nodiscard]] std::string nameOf(ObjectHandle object) const { return rules.nameOf(object); }
 };
 
 } // namespace vellum::layer

@@ -253,7 +253,7 @@ const char *lacksMemory(const DeviceModel &device, const ValidatedStructure &str
 {
     const ValidatedBuffer *buffer = structure.buffer.get();
     if (structure.byAddress)
-        return device.state.rules.lacksBuffer(structure.memoryAddress) ? "no buffer has its address any more" : nullptr;
+        return device.rules.lacksBuffer(structure.memoryAddress) ? "no buffer has its address any more" : nullptr;
     if (!buffer)
         return nullptr;
     if (buffer->destroyed)

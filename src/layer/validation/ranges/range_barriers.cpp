@@ -67,7 +67,7 @@ void checkScope(DeviceModel &device, const Place &barrier, VkPipelineStageFlags2
     const Place member = barrier.member(rules.accesses);
     const auto needs = [&](VkAccessFlags2 access, VkPipelineStageFlags2 needed, const char *rule, const char *text) {
         if ((accesses & access) != 0 && (stages & needed) == 0)
-            device.fault(member, rule, std::string(text) + " in " + rules.stages, commandBuffer);
+            device.at(member, commandBuffer).report(rule, nullptr, std::string(text) + " in " + rules.stages);
     };
     needs(VK_ACCESS_2_SHADER_READ_BIT, kShaderStages | kOtherStages, rules.shaderRead,
           "SHADER_READ, without a stage that runs shaders or builds structures");
@@ -115,19 +115,20 @@ bool checkRangeBarrier(DeviceModel &device, const Place &place, const VkMemoryRa
         return range.isKept();
     const std::string families = "from queue family " + std::to_string(from) + " to " + std::to_string(to);
     if (((barrier.srcStageMask | barrier.dstStageMask) & VK_PIPELINE_STAGE_2_HOST_BIT) != 0)
-        device.fault(place, "VUID-VkMemoryRangeBarrierKHR-srcStageMask-13089",
-                     families + ", with the stage HOST; they must be equal", commandBuffer);
+        device.at(place, commandBuffer)
+            .report("VUID-VkMemoryRangeBarrierKHR-srcStageMask-13089", nullptr,
+                    families + ", with the stage HOST; they must be equal");
     const auto buffer = bufferAt(device, barrier.addressRange.address);
     if (!buffer || !buffer->exclusive)
         return range.isKept();
     if (!isFamily(device, from))
-        device.fault(place.member("srcQueueFamilyIndex"), "VUID-VkMemoryRangeBarrierKHR-address-13087",
-                     families + ", of exclusive buffer " + device.nameOf(buffer->handle) + ": there is no such family",
-                     commandBuffer);
+        device.at(place, commandBuffer)
+            .report("VUID-VkMemoryRangeBarrierKHR-address-13087", "srcQueueFamilyIndex",
+                    families + ", of exclusive buffer " + device.nameOf(buffer->handle) + ": there is no such family");
     if (!isFamily(device, to))
-        device.fault(place.member("dstQueueFamilyIndex"), "VUID-VkMemoryRangeBarrierKHR-address-13088",
-                     families + ", of exclusive buffer " + device.nameOf(buffer->handle) + ": there is no such family",
-                     commandBuffer);
+        device.at(place, commandBuffer)
+            .report("VUID-VkMemoryRangeBarrierKHR-address-13088", "dstQueueFamilyIndex",
+                    families + ", of exclusive buffer " + device.nameOf(buffer->handle) + ": there is no such family");
     return range.isKept();
 }
 
@@ -137,8 +138,9 @@ void checkStage(DeviceModel &device, const Place &place, VkPipelineStageFlags2 s
                 ObjectHandle object)
 {
     if ((stages & kMicromapBuild) != 0 && !device.driver.enabled.extFeature)
-        device.fault(place, rule,
-                     "MICROMAP_BUILD; micromap of VkPhysicalDeviceOpacityMicromapFeaturesEXT is not enabled", object);
+        device.at(place, object)
+            .report(rule, nullptr,
+                    "MICROMAP_BUILD; micromap of VkPhysicalDeviceOpacityMicromapFeaturesEXT is not enabled");
 }
 
 bool checkDependency(DeviceModel &device, const Place &place, const VkDependencyInfo &info,

@@ -53,8 +53,8 @@ VkBuffer RangeCheck::soundBuffer(const VkDeviceAddressRangeKHR &range, VkAddress
 void RangeCheck::fault(const Place &place, const char *vuid, const std::string &text, Severity severity) const
 {
     kept_ = false;
-    InputCheck(device_.state.rules, place, commandBuffer_ ? ObjectHandle(commandBuffer_) : ObjectHandle())
-        .report(vuid, nullptr, device_.implementsRanges ? severity : Severity::Reject, text);
+    device_.at(place, commandBuffer_ ? ObjectHandle(commandBuffer_) : ObjectHandle())
+        .report(vuid, nullptr, text, device_.implementsRanges ? severity : Severity::Reject);
 }
 
 bool RangeCheck::isProtected() const
@@ -192,10 +192,10 @@ void RangeCheck::checkBinding(const Place &place, const VkDeviceAddressRangeKHR 
     device_.logs.add(commandBuffer_, [&device = device_, object = ObjectHandle(buffer->handle), buffer, location, range,
                                       rules, text = place.member(rules.flags).text()](const Submission &) {
         if (!buffer->bound.contain(location.offset, location.offset + range.size))
-            device.fault(text, rules.notBound,
-                         "FULLY_BOUND, but " + textOf(range) + " of sparse buffer " + device.nameOf(buffer->handle) +
-                             " are not bound to memory",
-                         object);
+            device.at(Place(text), object)
+                .report(rules.notBound, nullptr,
+                        "FULLY_BOUND, but " + textOf(range) + " of sparse buffer " + device.nameOf(buffer->handle) +
+                            " are not bound to memory");
     });
 }
 
@@ -205,8 +205,8 @@ namespace ranges
 void checkCreation(DeviceModel &device, const Place &command, const VkAccelerationStructureCreateInfo2KHR &info)
 {
     if (!device.facts.addressCommands)
-        device.fault(command, "VUID-vkCreateAccelerationStructure2KHR-deviceAddressCommands-13086",
-                     "the feature deviceAddressCommands is not enabled");
+        device.at(command).report("VUID-vkCreateAccelerationStructure2KHR-deviceAddressCommands-13086", nullptr,
+                                  "the feature deviceAddressCommands is not enabled");
     RangeCheck(device, VK_NULL_HANDLE)
         .checkFlags(command.member("pCreateInfo"), info.addressRange, info.addressFlags, flag_rules::kCreation);
 }

@@ -75,11 +75,10 @@ void checkScratchSize(const RuleCheck &check, const input::StructureBuild &build
 {
     const VkDeviceAddress scratch = build.given->scratchData.deviceAddress;
     const VkDeviceSize needed = scratchOf(build, sizes);
-    const VkDeviceSize available = check.device().buffers.addresses.bytesFrom(scratch);
+    const VkDeviceSize available = check.model().buffers.addresses.bytesFrom(scratch);
     if (needed > 0 && scratch != 0 && available < needed)
-        check.fault("scratchData",
-                    build.isUpdate() ? "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12259" : rules::kScratchSizeId,
-                    rules::tooFewBytes(available, needed));
+        check.report(build.isUpdate() ? "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12259" : rules::kScratchSizeId,
+                     "scratchData", rules::tooFewBytes(available, needed));
 }
 
 // For the target of an update, which may be compacted, only the first byte.
@@ -120,9 +119,10 @@ void checkOverlaps(const RuleCheck &command, std::span<const BuildMemory> builds
                              : one.scratch && other.scratch ? ids.scratches
                                                             : ids.targetAndScratch;
             const Place place = command.place().element("pInfos", builds[one.build].element);
-            command.at(place).fault(id, std::string(one.scratch ? "scratchData" : "the target") +
-                                            " overlaps in memory " + (other.scratch ? "scratchData" : "the target") +
-                                            " of pInfos[" + std::to_string(builds[other.build].element) + "]");
+            command.at(place).report(id, nullptr,
+                                     std::string(one.scratch ? "scratchData" : "the target") + " overlaps in memory " +
+                                         (other.scratch ? "scratchData" : "the target") + " of pInfos[" +
+                                         std::to_string(builds[other.build].element) + "]");
         }
     }
 }
@@ -135,16 +135,16 @@ void checkAttachedMemory(const RuleCheck &command, const input::StructureBuild &
         const auto &attachment = build.geometries[g].attachment;
         if (!attachment || !attachment->khr || !attachment->micromap)
             continue;
-        const MemoryRange memory = memoryOf(command.device().objects.structureOf(attachment->micromap).get(), 1);
+        const MemoryRange memory = memoryOf(command.model().objects.structureOf(attachment->micromap).get(), 1);
         for (const BuildMemory &other : builds) {
             const bool same = other.target.handle == attachment->micromap.handle; // another rule
             if (other.element == build.element || same || !memory.overlaps(other.targetRange))
                 continue;
             const Place place = command.place().element("pInfos", other.element);
-            command.at(place).fault("dstAccelerationStructure",
-                                    "VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11549",
-                                    "it overlaps in memory the micromap of pInfos[" + std::to_string(build.element) +
-                                        "].pGeometries[" + std::to_string(g) + "]");
+            command.at(place).report("VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11549",
+                                     "dstAccelerationStructure",
+                                     "it overlaps in memory the micromap of pInfos[" + std::to_string(build.element) +
+                                         "].pGeometries[" + std::to_string(g) + "]");
         }
     }
 }
@@ -222,9 +222,9 @@ std::string textOf(const Accessed &accessed)
 // The buffers that are accessed exist when the command is executed.
 void checkWhenExecuted(const RuleCheck &check, uint32_t element, std::span<const Accessed> accessed)
 {
-    DeviceModel &device = check.device();
+    DeviceModel &device = check.model();
     for (const Accessed &one : accessed)
-        if (!device.state.rules.lacksBuffer(one.address))
+        if (!device.rules.lacksBuffer(one.address))
             layer::checkWhenExecuted(device, check.commandBuffer(),
                                      {.address = one.address,
                                       .command = check.place().command(),
@@ -235,16 +235,20 @@ void checkWhenExecuted(const RuleCheck &check, uint32_t element, std::span<const
                                       .object = check.object()});
 }
 
-void checkInstanceAlignment(const RuleCheck &check, const input::StructureBuild &build)
+void checkInstanceAlignment(const InputCheck &check, const input::StructureBuild &build)
 {
     for (const input::Geometry &geometry : build.geometries) {
         if (!geometry.isInstances())
             continue;
         const auto &instances = geometry.given->geometry.instances;
         const bool pointers = instances.arrayOfPointers != VK_FALSE;
-        checkMultiple(check, instances.data.deviceAddress, pointers ? 8 : 16, "pGeometries[0].geometry.instances.data",
-                      pointers ? "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03716"
-                               : "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03715");
+        const VkDeviceAddress alignment = pointers ? 8 : 16;
+        if (instances.data.deviceAddress % alignment != 0)
+            check.report(pointers ? "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03716"
+                                  : "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03715",
+                         "pGeometries[0].geometry.instances.data",
+                         std::to_string(instances.data.deviceAddress) + " is not a multiple of " +
+                             std::to_string(alignment));
     }
 }
 
@@ -254,14 +258,14 @@ bool checkAddresses(const RuleCheck &check, const input::StructureBuild &build)
     bool valid = true;
     std::vector<Accessed> accessed = addressesOf(build);
     for (const Accessed &one : accessed)
-        if (const Found found = isInvalid(check.device().state.rules, one.address, Severity::Reject)) {
-            check.fault(one.member->vuid, textOf(one) + found.text);
+        if (const Found found = isInvalid(check.model().rules, one.address, Severity::Reject)) {
+            check.report(one.member->vuid, nullptr, textOf(one) + found.text);
             valid = false;
         } else if (one.geometry != AccessedAddress::kNone &&
-                   lacksUsage(check.device().state.rules, one.address,
+                   lacksUsage(check.model().rules, one.address,
                               VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR)) {
-            check.fault("VUID-vkCmdBuildAccelerationStructuresKHR-geometry-03673",
-                        textOf(one) + "its buffer was created without ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY");
+            check.report("VUID-vkCmdBuildAccelerationStructuresKHR-geometry-03673", nullptr,
+                         textOf(one) + "its buffer was created without ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY");
         }
     for (uint32_t g = 0; g < build.geometries.size(); ++g)
         if (const auto &attachment = build.geometries[g].attachment;
@@ -290,7 +294,7 @@ void checkAddresses(const RuleCheck &check, const input::MicromapBuild &build)
 void checkIsMicromap(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &micromap)
 {
     constexpr const char *kId = "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11624";
-    check.whenExecuted(kId, [&device = check.device(), micromap]() -> std::string {
+    check.whenExecuted(kId, [&device = check.model(), micromap]() -> std::string {
         const auto contents = micromap->contents;
         if (!contents || contents->deserialized ||
             contents->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
@@ -321,7 +325,7 @@ void checkAttachments(const RuleCheck &check, const input::StructureBuild &build
 {
     for (uint32_t g = 0; g < build.geometries.size(); ++g) {
         const auto &attachment = build.geometries[g].attachment;
-        const auto micromap = attachment ? check.device().objects.structureOf(attachment->micromap) : nullptr;
+        const auto micromap = attachment ? check.model().objects.structureOf(attachment->micromap) : nullptr;
         if (!micromap)
             continue;
         const Place element = check.place().element("pGeometries", g);
@@ -421,13 +425,13 @@ const char *brokenBy(const GeometryContents &before, const UpdatedGeometry &now,
 void checkGeometryUpdate(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source, uint32_t g,
                          const UpdatedGeometry &now)
 {
-    check.whenExecuted([&device = check.device(), place = check.place().text(), source, g, now] {
+    check.whenExecuted([&device = check.model(), place = check.place().text(), source, g, now] {
         const auto contents = source->contents;
         if (!contents || contents->deserialized || g >= contents->geometries.size())
             return;
         std::string text;
         if (const char *vuid = brokenBy(contents->geometries[g], now, contents->flags, text))
-            device.fault(place, vuid, text, source->handle);
+            device.at(Place(place), source->handle).report(vuid, nullptr, text);
     });
 }
 
@@ -467,14 +471,15 @@ void checkSameBuild(const RuleCheck &check, const std::shared_ptr<ValidatedStruc
     SameBuild now{build.given->flags, {}};
     for (uint32_t g = 0; g < build.geometries.size(); ++g)
         now.primitives.push_back(build.ranges.direct ? std::optional(build.ranges.primitives(g)) : std::nullopt);
-    check.whenExecuted([&device = check.device(), place = check.place().text(), source, now = std::move(now)] {
+    check.whenExecuted([&device = check.model(), place = check.place().text(), source, now = std::move(now)] {
         const auto contents = source->contents;
         const std::string why = contents ? std::string() : isNotConstructed(device, *source);
         if (!why.empty())
-            device.fault(place, kAllowsUpdateId, "srcAccelerationStructure is not constructed: " + why, source->handle);
+            device.at(Place(place), source->handle)
+                .report(kAllowsUpdateId, nullptr, "srcAccelerationStructure is not constructed: " + why);
         if (contents && !contents->deserialized)
             now.compare(*contents, [&](const char *vuid, const std::string &text) {
-                device.fault(place, vuid, text, source->handle);
+                device.at(Place(place), source->handle).report(vuid, nullptr, text);
             });
     });
 }
@@ -482,7 +487,7 @@ void checkSameBuild(const RuleCheck &check, const std::shared_ptr<ValidatedStruc
 // An update, against what the source holds when the command is executed.
 void checkUpdate(const RuleCheck &check, const input::StructureBuild &build)
 {
-    const auto source = check.device().objects.structureOf(build.given->srcAccelerationStructure);
+    const auto source = check.model().objects.structureOf(build.given->srcAccelerationStructure);
     if (!build.isUpdate() || !source)
         return;
     checkSameBuild(check, source, build);
@@ -492,7 +497,7 @@ void checkUpdate(const RuleCheck &check, const input::StructureBuild &build)
             continue;
         UpdatedGeometry now;
         if (geometry.attachment)
-            now = {true, geometry.attachment->khr, check.device().objects.structureOf(geometry.attachment->micromap),
+            now = {true, geometry.attachment->khr, check.model().objects.structureOf(geometry.attachment->micromap),
                    geometry.attachment->micromap, geometry.attachment->usages.copy()};
         const Place place = check.place().element("pGeometries", g);
         checkGeometryUpdate(check.at(place), source, g, now);
@@ -523,13 +528,11 @@ void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildComman
 {
     noteChecked(device, builds);
     const Place place(nameOf(command));
-    rules::checkBuilds(device.state.rules, place, builds,
-                       [&device](ObjectHandle handle) { return device.factsOf(handle); });
+    rules::checkBuilds(device.rules, place, builds, [&device](ObjectHandle handle) { return device.factsOf(handle); });
     if (!device.checks.core)
         return;
-    if (command == BuildCommand::Micromaps && !device.driver.enabled.extFeature)
-        device.fault(place, "VUID-vkCmdBuildMicromapsEXT-micromap-11648", "the feature micromap is not enabled",
-                     commandBuffer);
+    if (command == BuildCommand::Micromaps)
+        checkFeature(device.at(place, commandBuffer), "VUID-vkCmdBuildMicromapsEXT-micromap-11648");
     if (command == BuildCommand::Micromaps || command == BuildCommand::HostMicromaps)
         checkCount(device, nameOf(command), "infoCount", static_cast<uint32_t>(builds.micromaps.size()),
                    command == BuildCommand::Micromaps ? "VUID-vkCmdBuildMicromapsEXT-infoCount-arraylength"

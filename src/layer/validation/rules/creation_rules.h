@@ -3,7 +3,7 @@
 #pragma once
 
 #include "layer/input/creations.h"
-#include "layer/validation/rules/rule_check.h"
+#include "layer/validation/model/device_model.h"
 
 namespace vellum::layer
 {
@@ -11,8 +11,6 @@ namespace vellum::layer
 input::Creation checkCreation(DeviceModel &device, const VkMicromapCreateInfoEXT &info);
 input::Creation checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfoKHR &info);
 input::Creation checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfo2KHR &info);
-// Called for any handle, VK_NULL_HANDLE included.
-void checkMicromapDestruction(DeviceModel &device);
 // `structure`: null if it is unknown. `allocator`: allocation callbacks are given.
 void checkDestruction(DeviceModel &device, const ValidatedStructure *structure, bool allocator);
 

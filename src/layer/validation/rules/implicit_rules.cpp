@@ -23,16 +23,21 @@ void checkCommand(DeviceModel &device, VkCommandBuffer commandBuffer, const char
     };
     for (const auto &rule : rules) {
         if (rule.broken)
-            device.fault(Place(command), (std::string("VUID-") + command + rule.end).c_str(), rule.text, commandBuffer);
+            device.at(Place(command), commandBuffer)
+                .report((std::string("VUID-") + command + rule.end).c_str(), nullptr, rule.text);
     }
+}
+
+void checkFeature(const InputCheck &check, const char *vuid)
+{
+    if (!check.device().driver.enabled.extFeature)
+        check.report(vuid, nullptr, "the feature micromap is not enabled", Severity::Report);
 }
 
 void checkCount(DeviceModel &device, const char *command, const char *member, uint32_t count, const char *vuid)
 {
-    if (device.checks.core && count == 0) {
-        const Place place(command);
-        device.fault(place.member(member), vuid, "it is 0");
-    }
+    if (device.checks.core && count == 0)
+        device.at(Place(command)).report(vuid, member, "it is 0");
 }
 
 } // namespace vellum::layer

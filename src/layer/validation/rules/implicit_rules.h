@@ -44,6 +44,9 @@ constexpr VkQueueFlags queuesOf(std::string_view command)
 // The state of the command buffer, for a command that is recorded outside of render passes.
 void checkCommand(DeviceModel &device, VkCommandBuffer commandBuffer, const char *command, VkQueueFlags queues);
 
+// The feature micromap of VK_EXT_opacity_micromap, which a command needs. `vuid`: of the command.
+void checkFeature(const InputCheck &check, const char *vuid);
+
 // A count that is not 0. `vuid`: of the command.
 void checkCount(DeviceModel &device, const char *command, const char *member, uint32_t count, const char *vuid);
 
@@ -57,11 +60,12 @@ inline constexpr StructureIds kMicromapCreateInfo{VK_STRUCTURE_TYPE_MICROMAP_CRE
                                                   "VUID-VkMicromapCreateInfoEXT-sType-sType",
                                                   "VUID-VkMicromapCreateInfoEXT-pNext-pNext"};
 template <typename Info>
-void checkStructure(const RuleCheck &check, const Info &info, const StructureIds &ids)
+void checkStructure(const InputCheck &check, const Info &info, const StructureIds &ids)
 {
     if (info.sType != ids.type)
-        check.fault("sType", ids.sType, "it is that of " + nameOf(info.sType) + ", not of " + nameOf(ids.type));
-    check.require(info.pNext == nullptr, "pNext", ids.pNext, "it is not null; nothing extends this structure");
+        check.report(ids.sType, "sType", "it is that of " + nameOf(info.sType) + ", not of " + nameOf(ids.type));
+    if (info.pNext)
+        check.report(ids.pNext, "pNext", "it is not null; nothing extends this structure");
 }
 
 } // namespace vellum::layer

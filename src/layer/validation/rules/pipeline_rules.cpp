@@ -30,9 +30,9 @@ std::vector<spirv::EntryPoint> entryPointsOf(std::span<const uint32_t> words)
 void checkWords(DeviceModel &device, const Place &place, std::span<const uint32_t> words)
 {
     if (spirv::forcesTwoStatesWithoutCapability(words))
-        device.fault(place.member("pCode"), "VUID-RuntimeSpirv-RayTracingOpacityMicromapKHR-11542",
-                     "ray flags with ForceOpacityMicromap2StateKHR; the module lacks the capability "
-                     "RayTracingOpacityMicromapKHR");
+        device.at(place).report("VUID-RuntimeSpirv-RayTracingOpacityMicromapKHR-11542", "pCode",
+                                "ray flags with ForceOpacityMicromap2StateKHR; the module lacks the capability "
+                                "RayTracingOpacityMicromapKHR");
 }
 
 std::span<const uint32_t> wordsOf(const VkShaderModuleCreateInfo &info)
@@ -54,8 +54,8 @@ void checkStage(DeviceModel &device, const Place &place, const VkPipelineShaderS
     for (const spirv::EntryPoint &entry : *entryPoints) {
         if (entry.name == stage.pName && entry.model == executionModelOf(stage.stage) &&
             valueOf(entry.mode, stage.pSpecializationInfo).value_or(false))
-            device.fault(
-                place, "VUID-RuntimeSpirv-micromap-11630",
+            device.at(place).report(
+                "VUID-RuntimeSpirv-micromap-11630", nullptr,
                 "entry point " + entry.name +
                     " has the execution mode OpacityMicromapIdKHR; the pipeline has DISALLOW_OPACITY_MICROMAP");
     }
@@ -65,8 +65,8 @@ void checkStage(DeviceModel &device, const Place &place, const VkPipelineShaderS
 void checkFlags(DeviceModel &device, const Place &place, VkFlags64 flags, const char *micromapRule)
 {
     if ((flags & kMicromapFlags) != 0)
-        device.fault(place.member("flags"), micromapRule,
-                     "RAY_TRACING_OPACITY_MICROMAP, which is for ray tracing pipelines only");
+        device.at(place).report(micromapRule, "flags",
+                                "RAY_TRACING_OPACITY_MICROMAP, which is for ray tracing pipelines only");
 }
 
 } // namespace
@@ -80,7 +80,7 @@ input::Pipelines checkPipelines(DeviceModel &device, uint32_t count, const VkCom
         checkFlags(device, place, flags, "VUID-VkComputePipelineCreateInfo-flags-07367");
         checkStage(device, place.member("stage"), infos[i].stage, flags);
     }
-    return rules::checkPipelines(device.state.rules, count, infos);
+    return rules::checkPipelines(device.rules, count, infos);
 }
 
 input::Pipelines checkPipelines(DeviceModel &device, uint32_t count, const VkGraphicsPipelineCreateInfo *infos)
@@ -94,7 +94,7 @@ input::Pipelines checkPipelines(DeviceModel &device, uint32_t count, const VkGra
         for (uint32_t s = 0; hasStages && s < infos[i].stageCount; ++s)
             checkStage(device, place.element("pStages", s), infos[i].pStages[s], flags);
     }
-    return rules::checkPipelines(device.state.rules, count, infos);
+    return rules::checkPipelines(device.rules, count, infos);
 }
 
 input::Pipelines checkPipelines(DeviceModel &device, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *infos)
@@ -104,12 +104,12 @@ input::Pipelines checkPipelines(DeviceModel &device, uint32_t count, const VkRay
         const Place place = command.element("pCreateInfos", i);
         const VkFlags64 flags = pipelineFlags(infos[i].pNext, infos[i].flags);
         if ((flags & kMicromapFlags) != 0 && (flags & kNoMicromaps) != 0)
-            device.fault(place.member("flags"), "VUID-VkRayTracingPipelineCreateInfoKHR-flags-10392",
-                         "both RAY_TRACING_OPACITY_MICROMAP and DISALLOW_OPACITY_MICROMAP");
+            device.at(place).report("VUID-VkRayTracingPipelineCreateInfoKHR-flags-10392", "flags",
+                                    "both RAY_TRACING_OPACITY_MICROMAP and DISALLOW_OPACITY_MICROMAP");
         for (uint32_t s = 0; s < infos[i].stageCount; ++s)
             checkStage(device, place.element("pStages", s), infos[i].pStages[s], flags);
     }
-    return rules::checkPipelines(device.state.rules, count, infos, [&](VkPipeline handle) {
+    return rules::checkPipelines(device.rules, count, infos, [&](VkPipeline handle) {
         const auto library = device.objects.pipelines.libraries.get(handle);
         return library ? std::optional((*library & kMicromapFlags) != 0) : std::nullopt;
     });
@@ -124,7 +124,7 @@ input::Pipelines checkShaders(DeviceModel &device, uint32_t count, const VkShade
             checkWords(device, place,
                        {static_cast<const uint32_t *>(infos[i].pCode), infos[i].codeSize / sizeof(uint32_t)});
     }
-    return rules::checkShaders(device.state.rules, count, infos);
+    return rules::checkShaders(device.rules, count, infos);
 }
 
 void checkModule(DeviceModel &device, const VkShaderModuleCreateInfo &info)

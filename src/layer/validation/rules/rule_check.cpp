@@ -27,11 +27,11 @@ void checkAddresses(const DeviceModel &device, AccessedAddresses &accessed)
         return;
     accessed.losses = losses;
     for (const AccessedAddress &one : accessed.addresses)
-        if (device.state.rules.lacksBuffer(one.address))
-            device.fault(placeOf(one), one.vuid,
-                         "when the command is executed, no buffer has the address " + hex(one.address) +
-                             " any more: it was destroyed, or its memory was freed",
-                         one.object);
+        if (device.rules.lacksBuffer(one.address))
+            device.at(Place(placeOf(one)), one.object)
+                .report(one.vuid, nullptr,
+                        "when the command is executed, no buffer has the address " + hex(one.address) +
+                            " any more: it was destroyed, or its memory was freed");
 }
 
 } // namespace
@@ -52,13 +52,11 @@ void checkWhenExecuted(DeviceModel &device, VkCommandBuffer commandBuffer, const
 
 void RuleCheck::whenExecuted(const char *vuid, std::function<std::string()> find) const
 {
-    if (!vuid)
-        return;
-    device_.logs.add(commandBuffer_, [&device = device_, place = place_.text(), object = object_, vuid,
-                                      find = std::move(find)](const Submission &submission) {
+    model_.logs.add(commandBuffer_, [&device = model_, place = place().text(), object = object(), vuid,
+                                     find = std::move(find)](const Submission &submission) {
         const std::string found = submission.ordered ? find() : std::string();
         if (!found.empty())
-            device.fault(place, vuid, found, object);
+            device.at(Place(place), object).report(vuid, nullptr, found);
     });
 }
 
@@ -72,8 +70,8 @@ void RuleCheck::whenExecuted(std::function<void()> check) const
 
 void RuleCheck::afterExecution(std::function<void(bool)> effect) const
 {
-    device_.logs.add(commandBuffer_,
-                     [effect = std::move(effect)](const Submission &submission) { effect(submission.ordered); });
+    model_.logs.add(commandBuffer_,
+                    [effect = std::move(effect)](const Submission &submission) { effect(submission.ordered); });
 }
 
 MemoryRange memoryOf(const ValidatedStructure *structure, VkDeviceSize bytes)
@@ -95,19 +93,11 @@ MemoryRange memoryAt(const DeviceModel &device, VkDeviceAddress address, VkDevic
     return {buffer->memory.load(), begin, begin + bytes};
 }
 
-bool checkMultiple(const RuleCheck &check, uint64_t value, uint64_t divisor, const char *member, const char *vuid)
-{
-    if (divisor == 0 || value % divisor == 0)
-        return true;
-    check.fault(member, vuid, std::to_string(value) + " is not a multiple of " + std::to_string(divisor));
-    return false;
-}
-
 void checkConstructed(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &structure, const char *vuid)
 {
     if (!structure)
         return;
-    check.whenExecuted(vuid, [&device = check.device(), structure]() -> std::string {
+    check.whenExecuted(vuid, [&device = check.model(), structure]() -> std::string {
         const std::string found = isNotConstructed(device, *structure);
         return found.empty()
                    ? found
@@ -122,7 +112,7 @@ void checkCompactable(const RuleCheck &check, const std::shared_ptr<ValidatedStr
     const bool ext = structure->handle.type == VK_OBJECT_TYPE_MICROMAP_EXT;
     const VkFlags allowed = ext ? VkFlags{VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT}
                                 : VkFlags{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR};
-    check.whenExecuted(vuid, [&device = check.device(), structure, allowed]() -> std::string {
+    check.whenExecuted(vuid, [&device = check.model(), structure, allowed]() -> std::string {
         const auto contents = structure->contents;
         if (!contents || contents->deserialized || (contents->flags & allowed) != 0)
             return {};

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rules of one object or element of a command. Tables of rules have null for a rule that an extension lacks: such a
-// rule is not checked.
+// The rules of one object or element of a command, when it is recorded and when it is executed.
 #pragma once
 
 #include <functional>
@@ -11,40 +10,20 @@
 namespace vellum::layer
 {
 
-class RuleCheck
+class RuleCheck : public InputCheck
 {
 public:
     // `commandBuffer`: null for host commands.
     RuleCheck(DeviceModel &device, const Place &place, ObjectHandle object = {},
               VkCommandBuffer commandBuffer = VK_NULL_HANDLE)
-        : device_(device), place_(place), object_(object), commandBuffer_(commandBuffer)
+        : InputCheck(device.at(place, object)), model_(device), commandBuffer_(commandBuffer)
     {
     }
 
-    [[nodiscard]] DeviceModel &device() const { return device_; }
+    [[nodiscard]] DeviceModel &model() const { return model_; }
     // The check of a part, whose place must outlive it.
-    [[nodiscard]] RuleCheck at(const Place &place) const { return {device_, place, object_, commandBuffer_}; }
-    [[nodiscard]] const Place &place() const { return place_; }
-    [[nodiscard]] ObjectHandle object() const { return object_; }
+    [[nodiscard]] RuleCheck at(const Place &place) const { return {model_, place, object(), commandBuffer_}; }
     [[nodiscard]] VkCommandBuffer commandBuffer() const { return commandBuffer_; } // null for host commands
-
-    void fault(const char *vuid, const std::string &text) const
-    {
-        if (vuid)
-            device_.fault(place_, vuid, text, object_);
-    }
-    void fault(const char *member, const char *vuid, const std::string &text) const
-    {
-        if (vuid)
-            device_.fault(place_.member(member), vuid, text, object_);
-    }
-    // Returns `kept`.
-    bool require(bool kept, const char *member, const char *vuid, const char *found) const
-    {
-        if (!kept)
-            fault(member, vuid, found);
-        return kept;
-    }
 
     // Checks a rule when the command is executed. `find` returns what is wrong then, or an empty text.
     void whenExecuted(const char *vuid, std::function<std::string()> find) const;
@@ -54,9 +33,7 @@ public:
     void afterExecution(std::function<void(bool isOrdered)> effect) const;
 
 private:
-    DeviceModel &device_;
-    const Place &place_;
-    ObjectHandle object_;
+    DeviceModel &model_;
     VkCommandBuffer commandBuffer_;
 };
 
@@ -82,7 +59,6 @@ MemoryRange memoryAt(const DeviceModel &device, VkDeviceAddress address, VkDevic
 // Some buffer still has the address when the command buffer is executed.
 void checkWhenExecuted(DeviceModel &device, VkCommandBuffer commandBuffer, const AccessedAddress &accessed);
 
-bool checkMultiple(const RuleCheck &check, uint64_t value, uint64_t divisor, const char *member, const char *vuid);
 // The micromap or structure is constructed when the command is executed.
 void checkConstructed(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &structure, const char *vuid);
 // It was built with a flag that allows compaction, where its flags are known.

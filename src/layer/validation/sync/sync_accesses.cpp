@@ -127,10 +127,10 @@ void reportDestroyed(DeviceModel &device, const Submission &submission, const ch
     for (const auto &structure : structures) {
         const char *lost = structure->destroyed ? "it was destroyed" : lacksMemory(device, *structure);
         if (lost)
-            device.fault(Place(command), submission.invalidId,
-                         (structure->isMicromap() ? "micromap " : "structure ") + device.nameOf(structure->handle) +
-                             ": when the command buffer is submitted, " + lost,
-                         structure->handle);
+            device.at(Place(command), structure->handle)
+                .report(submission.invalidId, nullptr,
+                        (structure->isMicromap() ? "micromap " : "structure ") + device.nameOf(structure->handle) +
+                            ": when the command buffer is submitted, " + lost);
     }
 }
 
@@ -440,10 +440,10 @@ void recordUse(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *comm
         return;
     sync.device.logs.addCheck(commandBuffer, [&sync, command, pool](const Submission &submission) {
         if (pool->destroyed)
-            sync.device.fault(Place(command), submission.invalidId,
-                              "query pool " + sync.device.nameOf(pool->handle) +
-                                  ": when the command buffer is submitted, it was destroyed",
-                              pool->handle);
+            sync.device.at(Place(command), pool->handle)
+                .report(submission.invalidId, nullptr,
+                        "query pool " + sync.device.nameOf(pool->handle) +
+                            ": when the command buffer is submitted, it was destroyed");
     });
     sync.device.logs.add(commandBuffer, [command, pool](const Submission &submission) {
         addUse(*pool, submission, {.command = command, .subject = "query pool"});

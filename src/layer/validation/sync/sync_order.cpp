@@ -332,10 +332,10 @@ bool checkUnused(DeviceSync &sync, const Place &command, const char *rule, const
             addUse(*other, {.queue = use.queue, .batch = use.batch}, use); // the command can do with that one
             continue;
         }
-        sync.device.fault(command, rule,
-                          sync.device.nameOf(object.handle) + " is used by " + placeOf(use) + " (" + use.subject +
-                              "), which is not known to be complete",
-                          object.handle);
+        sync.device.at(command, object.handle)
+            .report(rule, nullptr,
+                    sync.device.nameOf(object.handle) + " is used by " + placeOf(use) + " (" + use.subject +
+                        "), which is not known to be complete");
         return false;
     }
     return true;

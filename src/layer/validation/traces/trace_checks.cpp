@@ -182,7 +182,7 @@ void TraceMarks::reportSite(DeviceModel &device, const Site &site)
     };
     const auto fault = [&](const char *rule, const MetGeometry &met, const char *found, const char *expected) {
         const std::string vuid = std::string("VUID-") + use.command + rule;
-        device.fault(use.command, vuid.c_str(), text(met, found, expected), use.code);
+        device.at(Place(use.command), use.code).report(vuid.c_str(), nullptr, text(met, found, expected));
     };
     const char *const withMicromap = "was built with a micromap";
     if ((site.broken & kRuleMode) != 0)
@@ -198,16 +198,14 @@ void TraceMarks::reportSite(DeviceModel &device, const Site &site)
               "must not have been created with OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX");
     if ((site.broken & kRuleDeserialized) != 0) {
         const std::string vuid = std::string("VUID-") + use.command + "-micromap-11637";
-        device.fault(use.command, vuid.c_str(),
-                     structureText(device, use, broken.deserialized) + "; " + broken.deserialized.wrong,
-                     broken.deserialized.structure->handle);
+        device.at(Place(use.command), broken.deserialized.structure->handle)
+            .report(vuid.c_str(), nullptr,
+                    structureText(device, use, broken.deserialized) + "; " + broken.deserialized.wrong);
     }
     if ((site.broken & kRuleDisallowed) != 0)
-        device.driver.report().error(
-            "VELLUM-pipeline-disallows-micromaps",
-            std::string(use.command) + ": " +
-                text(broken.micromap, withMicromap, "was created with DISALLOW_OPACITY_MICROMAP_BIT_ARM"),
-            use.code.type, use.code.handle);
+        device.at(Place(use.command), use.code)
+            .report("VELLUM-pipeline-disallows-micromaps", nullptr,
+                    text(broken.micromap, withMicromap, "was created with DISALLOW_OPACITY_MICROMAP_BIT_ARM"));
 }
 
 size_t TraceMarks::report(DeviceModel &device, bool idle)
@@ -407,7 +405,9 @@ void PendingTraces::check(const DeviceModel &device, const Place &command, const
         const auto fault = [&device, rule, place = command.text(), object = object.handle,
                             text = device.nameOf(object.handle) + " is used by " + use.command +
                                    " (by way of top-level structure " + device.nameOf(use.structure->handle) +
-                                   "), which is not known to be complete"] { device.fault(place, rule, text, object); };
+                                   "), which is not known to be complete"] {
+            device.at(Place(place), object).report(rule, nullptr, text);
+        };
         return trace.isOrdered ? fault() : trace.faults.push_back(fault);
     }
 }
