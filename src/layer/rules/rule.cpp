@@ -105,10 +105,12 @@ Verdict InputCheck::report(const char *id, const char *member, const std::string
         return verdict;
     const std::string where = (member ? place_.member(member).text() : place_.text()) + ": ";
     id = rules::ids::idAt(where, id);
-    if (tolerated && severity == Severity::Tolerate && device_.implements(object_))
-        reporter.warning(id, where + text + "; the layer goes on", object_.type, object_.handle);
+    const bool goesOn = tolerated && severity == Severity::Tolerate && device_.implements(object_);
+    const std::string message = where + text + (goesOn ? "; the layer goes on" : "");
+    if (goesOn && !device_.validating)
+        reporter.warning(id, message, object_.type, object_.handle);
     else
-        reporter.error(id, where + text, object_.type, object_.handle);
+        reporter.error(id, message, object_.type, object_.handle);
     return verdict;
 }
 
