@@ -79,11 +79,23 @@ private:
 // Called in a ChildProcess: makes it end when its parent ends.
 void endWithParent();
 
+// How a program ended that was run.
+struct ProgramEnd {
+    static constexpr int kTimedOut = 124;      // as timeout(1) exits
+    static constexpr int kNotExecutable = 126; // as shells exit
+    static constexpr int kNoProgram = 127;
+
+    bool started = true;
+    bool timedOut = false;
+    int code = 0;       // by the convention of shells of this system (kExitCodesOfPrograms), or one of these
+    std::string signal; // "SIGSEGV", if one ended it; of Windows, the exception
+    std::string text;   // "exited with 3", "ended by signal 11 (SIGSEGV)"; why it did not start
+};
+
 // Runs a program with the streams, the environment and the terminal of this process, and waits for its end. `words`:
-// its name, looked up in PATH, and its arguments. Signals that are sent to this process alone are passed on. Returns
-// the program's exit code by the convention of shells of this system (kExitCodesOfPrograms); 127 if there is no such
-// program and 126 if it cannot be executed, after a line on stderr.
-int runProgram(std::span<const std::string> words);
+// its name, looked up in PATH, and its arguments. Signals that are sent to this process alone are passed on.
+// `seconds`: after these it is ended with the processes that it started; it then runs in a process group of its own.
+ProgramEnd runProgram(std::span<const std::string> words, std::optional<double> seconds);
 // A line for the help.
 extern const char *const kExitCodesOfPrograms;
 

@@ -284,13 +284,14 @@ void endWithParent()
 namespace
 {
 
-volatile sig_atomic_t program = 0; // of runProgram
+volatile sig_atomic_t program = 0;      // of runProgram
+volatile sig_atomic_t programLeads = 0; // it leads a process group of its own
 
 void passOn(int signal, siginfo_t *info, void *)
 {
-    // A terminal sends Ctrl-C to the program as well.
-    if (info->si_code == SI_USER && program > 0)
-        kill(program, signal);
+    // A terminal sends Ctrl-C to the program as well, unless that is in another process group.
+    if (program > 0 && (programLeads != 0 || info->si_code == SI_USER))
+        kill(programLeads != 0 ? -program : program, signal);
 }
 
 // While there is one, signals that end processes are passed on instead.
@@ -327,41 +328,90 @@ private:
     std::array<struct sigaction, kSignals.size()> before_{};
 };
 
-// The error of posix_spawnp; 0: it runs, as `program`.
-int startProgram(std::vector<std::string> words, const sigset_t &signals)
+// The error of posix_spawnp; 0: it runs, as `program`. `leads`: in a process group of its own.
+int startProgram(std::vector<std::string> words, const sigset_t &signals, bool leads)
 {
     // Signals are blocked between the start and the assignment to `program`.
     sigset_t before;
     sigprocmask(SIG_BLOCK, &signals, &before);
     posix_spawnattr_t attributes;
     posix_spawnattr_init(&attributes);
-    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK);
+    posix_spawnattr_setflags(&attributes,
+                             static_cast<short>(POSIX_SPAWN_SETSIGMASK | (leads ? POSIX_SPAWN_SETPGROUP : 0)));
+    posix_spawnattr_setpgroup(&attributes, 0);
     posix_spawnattr_setsigmask(&attributes, &before);
     pid_t process = 0;
     const int error = posix_spawnp(&process, words[0].c_str(), nullptr, &attributes, pointersTo(words).data(), environ);
     posix_spawnattr_destroy(&attributes);
+    programLeads = leads ? 1 : 0;
     program = error == 0 ? process : 0;
     sigprocmask(SIG_SETMASK, &before, nullptr);
     return error;
+}
+
+// Waits until the program has ended, without reaping it: its number stays that of its group. Returns false after the
+// time.
+bool waitForProgram(double seconds)
+{
+    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+    for (;;) {
+        siginfo_t info{};
+        const int result = waitid(P_PID, static_cast<id_t>(program), &info, WEXITED | WNOHANG | WNOWAIT);
+        if (result != 0 || info.si_pid != 0)
+            return true;
+        if (std::chrono::steady_clock::now() >= end)
+            return false;
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+}
+
+// Ends the group of the program if it has not ended by itself. Returns whether it had to.
+bool endAfter(double seconds)
+{
+    constexpr double kSecondsToEnd = 2; // after SIGTERM
+    if (waitForProgram(seconds))
+        return false;
+    kill(-program, SIGTERM);
+    kill(-program, SIGCONT); // to one that is stopped
+    waitForProgram(kSecondsToEnd);
+    kill(-program, SIGKILL);
+    return true;
 }
 
 } // namespace
 
 const char *const kExitCodesOfPrograms = "0 to 255  that of the program; 128 + n if signal n ended it";
 
-int runProgram(std::span<const std::string> words)
+ProgramEnd runProgram(std::span<const std::string> words, std::optional<double> seconds)
 {
     const PassedOnSignals signals;
-    if (const int error = startProgram({words.begin(), words.end()}, signals.set()); error != 0) {
-        std::fprintf(stderr, "vellum: %s: %s\n", words[0].c_str(), std::strerror(error));
-        return error == ENOENT ? 127 : 126;
+    ProgramEnd end;
+    if (const int error = startProgram({words.begin(), words.end()}, signals.set(), seconds.has_value()); error != 0) {
+        end.started = false;
+        end.code = error == ENOENT ? ProgramEnd::kNoProgram : ProgramEnd::kNotExecutable;
+        end.text = words[0] + ": " + std::strerror(error);
+        return end;
     }
+    end.timedOut = seconds && endAfter(*seconds);
     int status = 0;
     while (waitpid(program, &status, 0) < 0)
         if (errno != EINTR)
             throw Error("the program cannot be waited for");
     program = 0;
-    return WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
+    if (end.timedOut) {
+        end.code = ProgramEnd::kTimedOut;
+        return end;
+    }
+    if (WIFSIGNALED(status)) {
+        end.code = 128 + WTERMSIG(status);
+        end.signal = nameOfSignal(WTERMSIG(status));
+        end.text = "ended by signal " + std::to_string(WTERMSIG(status)) +
+                   (end.signal.starts_with("SIG") ? " (" + end.signal + ")" : "");
+    } else {
+        end.code = WEXITSTATUS(status);
+        end.text = "exited with " + std::to_string(end.code);
+    }
+    return end;
 }
 
 namespace

@@ -390,31 +390,45 @@ void endWithParent()
 
 const char *const kExitCodesOfPrograms = "others    that of the program, such as 0xC0000005 if it crashed";
 
-int runProgram(std::span<const std::string> words)
+ProgramEnd runProgram(std::span<const std::string> words, std::optional<double> seconds)
 {
     SetConsoleCtrlHandler(ignore, TRUE); // to the end: removing it would wait for one that does not return
-    const Handle job =
-        makeJob(JOB_OBJECT_LIMIT_SILENT_BREAKAWAY_OK); // processes that the program starts may outlive it
+    // Processes that the program starts may outlive it, unless its time is limited.
+    const Handle job = makeJob(seconds ? 0 : JOB_OBJECT_LIMIT_SILENT_BREAKAWAY_OK);
     STARTUPINFOW start{};
     start.cb = sizeof start;
     PROCESS_INFORMATION started{};
     std::wstring line = commandLineOf(words);
+    ProgramEnd end;
     // Errors of the program are reported and dumped as usual, unlike those of this process (prepareProcess).
     constexpr DWORD kFlags = CREATE_SUSPENDED | CREATE_DEFAULT_ERROR_MODE;
     if (CreateProcessW(nullptr, line.data(), nullptr, nullptr, TRUE, kFlags, nullptr, nullptr, &start, &started) == 0) {
         const DWORD error = GetLastError();
-        std::fprintf(stderr, "vellum: %s: %s\n", words[0].c_str(), messageOf(error).c_str());
-        return error == ERROR_FILE_NOT_FOUND || error == ERROR_PATH_NOT_FOUND ? 127 : 126;
+        const bool missing = error == ERROR_FILE_NOT_FOUND || error == ERROR_PATH_NOT_FOUND;
+        end.started = false;
+        end.code = missing ? ProgramEnd::kNoProgram : ProgramEnd::kNotExecutable;
+        end.text = words[0] + ": " + messageOf(error);
+        return end;
     }
     const Handle process(started.hProcess);
     AssignProcessToJobObject(job.get(), process.get());
     ResumeThread(started.hThread);
     CloseHandle(started.hThread);
-    WaitForSingleObject(process.get(), INFINITE);
+    const DWORD milliseconds = seconds ? static_cast<DWORD>(std::min(*seconds * 1000, 4e9)) : INFINITE;
+    if (WaitForSingleObject(process.get(), milliseconds) == WAIT_TIMEOUT) {
+        TerminateJobObject(job.get(), ProgramEnd::kTimedOut);
+        WaitForSingleObject(process.get(), INFINITE);
+        end.timedOut = true;
+        end.code = ProgramEnd::kTimedOut;
+        return end;
+    }
     DWORD code = 0;
     if (GetExitCodeProcess(process.get(), &code) == 0)
         throw Error("the program cannot be waited for");
-    return static_cast<int>(code);
+    end.code = static_cast<int>(code);
+    end.signal = isCrash(code) ? nameOfCrash(code) : "";
+    end.text = isCrash(code) ? "ended by " + end.signal : "exited with " + std::to_string(code);
+    return end;
 }
 
 namespace

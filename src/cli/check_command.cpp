@@ -4,8 +4,10 @@
 #include "base/process.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <fmt/format.h>
 #include <set>
 
@@ -35,6 +37,8 @@ void prepareEnvironment(const CheckOptions &options)
 {
     if (options.layer)
         gpu::offerLayer(options.layerFolder);
+    else
+        gpu::withdrawLayer();
     if (!variable("VELLUM_MESSAGE_LIMIT"))
         setVariable("VELLUM_MESSAGE_LIMIT",
                     "0"); // each report of the layer fails its case, even if it was reported before
@@ -47,10 +51,11 @@ std::vector<CaseId> readCaseList(const std::filesystem::path &path)
     std::vector<CaseId> cases;
     std::set<std::string> seen;
     forEachLine(path, [&](const std::string &line, const std::string &place) {
-        const std::optional<CaseId> id = parseCase(line);
+        const std::string name = line.substr(0, line.find(',')); // results.csv is a list, too
+        const std::optional<CaseId> id = parseCase(name);
         if (!id)
-            throw UsageError(place + ": there is no case " + line + "; vellum check --list prints them");
-        if (seen.insert(line).second)
+            throw UsageError(place + ": there is no case " + name + "; vellum check --list prints them");
+        if (seen.insert(name).second)
             cases.push_back(*id);
     });
     if (cases.empty())
@@ -148,12 +153,24 @@ int list(const CheckOptions &options)
     return static_cast<int>(ExitCode::Success);
 }
 
-int printGroups(bool asJson)
+// Those that have a case of --filter or --caselist.
+std::vector<check::Group> selectedGroups(const CheckOptions &options)
 {
-    if (asJson) {
+    std::vector<check::Group> groups;
+    const std::vector<PlannedGroup> plan = planOf(casesOf(selectionOf(options)));
+    for (const check::Group &group : check::groups())
+        if (std::ranges::find(plan, &group, &PlannedGroup::group) != plan.end())
+            groups.push_back(group);
+    return groups;
+}
+
+int printGroups(const CheckOptions &options)
+{
+    const std::vector<check::Group> groups = selectedGroups(options);
+    if (options.json) {
         JsonWriter json;
         beginReport(json, "check --groups");
-        json.list("groups", check::groups(), [&](const check::Group &group) {
+        json.list("groups", groups, [&](const check::Group &group) {
             json.beginObject().member("group", group.name).member("cases", group.cases);
             json.member("quick", group.quickCases());
             json.member("summary", group.summary).member("sentences", group.sentences).end();
@@ -161,7 +178,7 @@ int printGroups(bool asJson)
         fmt::print("{}\n", json.end().text());
         return static_cast<int>(ExitCode::Success);
     }
-    for (const check::Group &group : check::groups())
+    for (const check::Group &group : groups)
         fmt::print("{} ({} cases of each extension, {} of them with --quick)\n  {}\n  Checks: {}\n", group.name,
                    group.cases, group.quickCases(), group.summary, group.sentences);
     return static_cast<int>(ExitCode::Success);
@@ -232,6 +249,34 @@ int merge(const CheckOptions &options)
     return code == static_cast<int>(ExitCode::Success) ? static_cast<int>(ExitCode::NotRun) : code;
 }
 
+// The options that chose the device and who implements micromaps, for the command line of --replay.
+std::string deviceOptions(const CheckOptions &options)
+{
+    const auto quoted = [](const std::string &word) {
+        const bool plain = std::ranges::all_of(
+            word, [](char c) { return std::isalnum(static_cast<unsigned char>(c)) != 0 || std::strchr("-_./", c); });
+        return plain && !word.empty() ? word : '"' + word + '"';
+    };
+    std::string text;
+    if (!options.layer)
+        text += "--no-layer ";
+    if (options.device.text())
+        text += "--device " + quoted(*options.device.text()) + " ";
+    if (!options.implementation.empty())
+        text += "--implementation " + options.implementation + " ";
+    if (options.layerFolder)
+        text += "--layer-path " + quoted(utf8Text(*options.layerFolder)) + " ";
+    return text;
+}
+
+// Says that a run continues in the place of one that was not whole.
+void reportReplaced(const std::filesystem::path &folder)
+{
+    if (const std::string why = incompleteIn(folder); !why.empty())
+        std::fprintf(stderr, "vellum: the results in %s are not whole (%s); this run replaces them\n",
+                     utf8Text(folder).c_str(), why.c_str());
+}
+
 // Collects the results and writes them.
 class Results
 {
@@ -239,7 +284,9 @@ public:
     Results(const CheckOptions &options, const DeviceSummary &device, const CaseSelection &selection)
         : options_(options), folder_(options.output, options.force)
     {
+        reportReplaced(options.output);
         facts_.device = device;
+        facts_.replayOptions = deviceOptions(options);
         facts_.seed = options.seed;
         if (options.shard.count > 1)
             facts_.shard = fmt::format("{}/{}", options.shard.number, options.shard.count);
@@ -430,7 +477,7 @@ int replay(const CheckOptions &options, const DeviceSummary &device, const CaseI
         Interruptible::die();
     if (!result)
         throw Error("the case was not run");
-    fmt::print("{}: {}\n", nameOf(id), causeOf(result->outcome));
+    fmt::print("{}: {}\nmicromaps: {}\n", nameOf(id), causeOf(result->outcome), device.implementation);
     const auto &files = result->outcome.files;
     const auto account = std::ranges::find(files, "txt", &check::OutcomeFile::extension);
     if (account != files.end())
@@ -449,7 +496,7 @@ int checkCommand(const CheckOptions &options)
     if (options.worker)
         return runWorker({options.device, apisOf(options).front(), options.layer});
     if (options.groups)
-        return printGroups(options.json);
+        return printGroups(options);
     if (options.list)
         return list(options);
     if (!options.merge.empty())
@@ -473,6 +520,10 @@ int checkCommand(const CheckOptions &options)
     DeviceSummary device;
     try {
         device = findDevice({.device = options.device, .layer = options.layer}, options.timeout);
+        if (!options.layer && device.implementation.find(gpu::kLayerName) != std::string::npos)
+            throw Error("--no-layer does not keep the layer out: micromaps are " + device.implementation +
+                        ". Something else than VK_INSTANCE_LAYERS turns it on, such as a pattern in "
+                        "VK_LOADER_LAYERS_ENABLE, Vulkan Configurator, or a manifest of an implicit layer");
         removeMissing(options, device, selection);
     } catch (const UsageError &) {
         throw;

@@ -31,6 +31,9 @@ failure; an earlier failures.csv is one. Skips and flakes are regular expression
 lines that begin with # are comments. Known failures and known flakes do not fail a run; cases of the baseline that improved
 do. A filter, a line of a baseline and an expression that match no case are usage errors.
 
+The exit status of --merge is that of all cases: 1 if one failed, even if a shard is missing; otherwise 125 if a shard is
+missing or was interrupted. --no-layer keeps the layer out also where the environment turns it on, and fails where it cannot.
+
 Examples:
   vellum check --quick
       the same cases on every machine, in about two minutes on two cores of a CPU; on the most powerful device
@@ -53,7 +56,10 @@ void declareSelection(CLI::App &command, CheckOptions &options)
     command.add_option("--filter", options.filters, "Only cases that match this glob; repeatable")
         ->type_name("GLOB")
         ->take_all();
-    command.add_option("--caselist", options.caseList, "Only the cases of this file, a name a line")->type_name("FILE");
+    command
+        .add_option("--caselist", options.caseList,
+                    "Only the cases of this file, a name a line; what follows a comma is ignored")
+        ->type_name("FILE");
     command.add_option("--skips", options.skips, "Do not run the cases that match a line of this file; repeatable")
         ->type_name("FILE")
         ->take_all();
@@ -79,7 +85,7 @@ void declareSelection(CLI::App &command, CheckOptions &options)
         ->type_name("FILE");
     command.add_flag("--list", options.list, "Print the names of the cases instead of running them");
     command.add_flag("--groups", options.groups,
-                     "Print which sentences of the specification each group tests; run none");
+                     "Print which sentences of the specification each group tests, or those of --filter; run none");
 }
 
 void declareOutput(CLI::App &command, CheckOptions &options)
@@ -109,7 +115,7 @@ void declareDevice(CLI::App &command, CheckOptions &options)
     takesWords(*command.add_option("-a,--api", options.api, "The extension to test [those that the device has]"),
                {"khr", "ext", "both"});
     addDeviceOption(command, options.device);
-    command.add_flag("!--no-layer", options.layer, "Do not enable the layer: test the driver's own micromaps");
+    command.add_flag("!--no-layer", options.layer, "Keep the layer out: test the driver's own micromaps");
     takesWords(*command.add_option("--implementation", options.implementation,
                                    "Who implements micromaps, as the layer's setting of that name [auto]"),
                {"auto", "driver", "ext", "emulated"});

@@ -99,7 +99,9 @@ std::string messageOf(const CLI::App &app, const CLI::ParseError &error, const s
     // Without a subcommand, CLI11 reports that first and ignores remaining words.
     const std::vector<std::string> words = app.remaining(true);
     if (dynamic_cast<const CLI::ExtrasError *>(&error) != nullptr || (subcommands.empty() && !words.empty())) {
-        const std::string word = words.empty() ? std::string() : words.front();
+        // An argument too many may be the value of an unknown option.
+        const auto unknown = std::ranges::find_if(words, [](const std::string &w) { return w.starts_with('-'); });
+        const std::string word = words.empty() ? std::string() : unknown != words.end() ? *unknown : words.front();
         const std::string option = word.substr(0, word.find('='));
         text = word.starts_with('-')
                    ? option + " is not an option of " + name + suggestion(option, optionNames(command))

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "base/process.h"
+#include "base/text.h"
 #include "core/utf8_path.h"
 
 namespace vellum::gpu
@@ -25,6 +26,17 @@ bool hasManifest(const std::filesystem::path &folder)
             return true;
     }
     return false;
+}
+
+void removeLayerFrom(const char *name, char separator)
+{
+    std::string rest;
+    const std::string list = variable(name).value_or("");
+    for (const std::string &layer : partsOf(list, separator))
+        if (layer != kLayerName)
+            rest += (rest.empty() ? "" : std::string(1, separator)) + layer;
+    if (!list.empty())
+        setVariable(name, rest);
 }
 
 } // namespace
@@ -54,6 +66,14 @@ void offerLayer(const std::optional<std::filesystem::path> &folder)
 {
     if (const auto found = folder ? folder : findLayerFolder())
         addLayerFolder(*found);
+}
+
+void withdrawLayer()
+{
+    removeLayerFrom("VK_INSTANCE_LAYERS", kListSeparator);
+    removeLayerFrom("VK_LOADER_LAYERS_ENABLE", ',');
+    const std::string disabled = variable("VK_LOADER_LAYERS_DISABLE").value_or("");
+    setVariable("VK_LOADER_LAYERS_DISABLE", disabled + (disabled.empty() ? "" : ",") + kLayerName);
 }
 
 } // namespace vellum::gpu

@@ -20,4 +20,9 @@ void addLayerFolder(const std::filesystem::path &folder);
 // the layer may be installed.
 void offerLayer(const std::optional<std::filesystem::path> &folder);
 
+// Removes the layer from the variables that turn it on in every program, VK_INSTANCE_LAYERS and
+// VK_LOADER_LAYERS_ENABLE, and has loaders of 1.3.234 and newer disable it where something else turns it on. Before the
+// first Vulkan call.
+void withdrawLayer();
+
 } // namespace vellum::gpu

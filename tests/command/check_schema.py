@@ -76,6 +76,22 @@ with tempfile.TemporaryDirectory() as name:
     report("spirv", "--rewrite", module, "-o", folder / "rewritten.spv")
     report("render", baked, "--mode", "compare", "--size", "32x32", "--frames", "2", "-o", folder / "picture.png")
 
+    # vellum run writes a file.
+    message = "echo error VELLUM-a: what >> $VELLUM_REPORT_FILE; echo info VELLUM-checked: builds: core, gpu >> $VELLUM_REPORT_FILE"
+    for words, code in ((["sh", "-c", "exit 3"], 3), (["sh", "-c", message], 122), (["sh", "-c", "kill -SEGV $$"], 139),
+                        (["there-is-no-such-program"], 127)):
+        written = folder / "run.json"
+        done = subprocess.run([VELLUM, "run", "--ignore", "VELLUM-b", "--json", written, "--", *words], capture_output=True,
+                              timeout=300)
+        value = json.loads(written.read_text(encoding="utf-8"))
+        found = faults(value, SCHEMA)
+        assert not found, (words, found)
+        assert done.returncode == value["exitCode"] == code and value["program"] == words, value
+        if code == 122:
+            assert value["messages"] == [{"severity": "error", "id": "VELLUM-a", "count": 1, "text": "what", "ignored": False,
+                                          "fails": True}], value
+            assert value["validation"] == [["core", "gpu"]] and value["staleIgnores"] == ["VELLUM-b"], value
+
     listed = subprocess.run([VELLUM, "check", "--list"], capture_output=True, text=True, check=True).stdout.splitlines()
     assert report("check", "--list")["cases"] == listed
     groups = subprocess.run([VELLUM, "check", "--groups"], capture_output=True, text=True, check=True).stdout

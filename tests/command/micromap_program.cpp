@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A program for `vellum run`. It uses micromaps as its arguments say, in their order.
+//   instance creates an instance
+//   plain    creates a device without micromaps
 //   right    creates a device and queries the sizes of a micromap
 //   build    records the build of an acceleration structure without geometry
 //   error    queries the sizes of a micromap of a type that does not exist, which the layer rejects
@@ -28,7 +30,8 @@ void check(bool right, const char *what)
 class Device
 {
 public:
-    Device()
+    enum class With { Nothing, Device, Micromaps };
+    explicit Device(With with = With::Micromaps)
     {
         VkApplicationInfo application{VK_STRUCTURE_TYPE_APPLICATION_INFO};
         application.apiVersion = VK_API_VERSION_1_3;
@@ -38,11 +41,13 @@ public:
         uint32_t count = 1;
         VkPhysicalDevice physicalDevice = VK_NULL_HANDLE;
         check(vkEnumeratePhysicalDevices(instance_, &count, &physicalDevice) >= VK_SUCCESS && count == 1, "no device");
-        createDevice(physicalDevice);
+        if (with != With::Nothing)
+            createDevice(physicalDevice, with == With::Micromaps);
     }
     ~Device()
     {
-        vkDestroyDevice(device_, nullptr);
+        if (device_ != VK_NULL_HANDLE)
+            vkDestroyDevice(device_, nullptr);
         vkDestroyInstance(instance_, nullptr);
     }
     Device(const Device &) = delete;
@@ -138,7 +143,7 @@ private:
         check(vkEndCommandBuffer(commands) == VK_SUCCESS, "not recorded");
         vkDestroyCommandPool(device_, pool, nullptr);
     }
-    void createDevice(VkPhysicalDevice physicalDevice)
+    void createDevice(VkPhysicalDevice physicalDevice, bool micromaps)
     {
         const float priority = 1;
         VkDeviceQueueCreateInfo queue{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
@@ -157,11 +162,14 @@ private:
         VkPhysicalDeviceAccelerationStructureFeaturesKHR structure{
             VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR, &vulkan12};
         structure.accelerationStructure = VK_TRUE;
-        VkDeviceCreateInfo info{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO, &structure};
+        VkDeviceCreateInfo info{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO};
         info.queueCreateInfoCount = 1;
         info.pQueueCreateInfos = &queue;
-        info.enabledExtensionCount = 3;
-        info.ppEnabledExtensionNames = extensions;
+        if (micromaps) {
+            info.pNext = &structure;
+            info.enabledExtensionCount = 3;
+            info.ppEnabledExtensionNames = extensions;
+        }
         check(vkCreateDevice(physicalDevice, &info, nullptr, &device_) == VK_SUCCESS, "no device with micromaps");
     }
 
@@ -178,7 +186,11 @@ private:
 
 void run(const std::string &what)
 {
-    if (what == "right")
+    if (what == "instance")
+        Device(Device::With::Nothing);
+    else if (what == "plain")
+        Device(Device::With::Device);
+    else if (what == "right")
         check(Device().sizes(VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT).micromapSize != 0, "no size");
     else if (what == "build")
         Device().recordBuild();

@@ -15,6 +15,7 @@ namespace
 {
 
 constexpr int kMessagesFailed = 122;
+constexpr int kTimedOut = 124;
 constexpr int kNotRun = 125;
 #ifdef _WIN32
 constexpr int kCrashed = static_cast<int>(0xC0000005);
@@ -48,6 +49,10 @@ constexpr const char *kWarning = "echo warning VELLUM-b: where >> $VELLUM_REPORT
 
 constexpr const char *kNothingBuilt =
     "vellum run: nothing was checked: no micromap or acceleration structure was built on a device with validation\n";
+constexpr const char *kNotValidated = "vellum run: not validated: add --validate\n";
+constexpr const char *kNoInstance =
+    "no Vulkan instance was created with the layer: no process of the program used Vulkan with the environment of "
+    "vellum run";
 
 void expectLine(const Outcome &outcome, const std::string &line)
 {
@@ -71,7 +76,7 @@ TEST(Run, NothingIsCheckedWithoutValidationOrBuilds)
     const std::string counts = "vellum run: no errors, no warnings, no devices checked\n";
     EXPECT_EQ(runProgram({"--validate"}, {"right"}).errors, kNothingBuilt + counts);
     for (const Outcome &outcome : {runProgram({}, {"build"}), runProgram({"--validate=none"}, {"build"})})
-        EXPECT_EQ(outcome.errors, "vellum run: not validated: add --validate\n" + counts);
+        EXPECT_EQ(outcome.errors, kNotValidated + counts);
 }
 
 TEST(Run, AnErrorFails)
@@ -124,7 +129,28 @@ TEST(Run, SaysWhenNothingWasChecked)
 {
     const Outcome outcome = runScript({}, "true");
     EXPECT_EQ(outcome.exitCode, 0);
-    expectLine(outcome, "vellum run: nothing was checked: no device used micromaps through the layer\n");
+    expectLine(outcome, "vellum run: nothing was checked: " + std::string(kNoInstance) + "\n");
+    expectLine(runProgram({"--validate"}, {"instance"}),
+               "vellum run: nothing was checked: no Vulkan device was created\n");
+    expectLine(runProgram({"--validate"}, {"plain"}),
+               "vellum run: nothing was checked: no device enables an extension of opacity micromaps\n");
+    expectLine(runScript({"--validate"}, "echo info VELLUM-instance: core >> $VELLUM_REPORT_FILE; echo info "
+                                         "VELLUM-device-unchanged: driver >> $VELLUM_REPORT_FILE"),
+               "vellum run: nothing was checked: micromaps are the driver's own, and validation is off\n");
+}
+
+// Validation may be on in part, also by a variable or a file.
+TEST(Run, NamesThePartsThatWereChecked)
+{
+    EXPECT_EQ(runProgram({"--validate=core"}, {"build"}).errors,
+              "vellum run: no errors, no warnings, 1 device checked (core only)\n");
+    EXPECT_EQ(runProgram({}, {"build"}, {{"VELLUM_VALIDATE", "sync,core"}}).errors,
+              "vellum run: no errors, no warnings, 1 device checked (core, sync only)\n");
+    constexpr const char *kTwo =
+        "for parts in 'core' 'core, gpu, sync' core; do echo \"info VELLUM-checked: builds on this device are checked: "
+        "$parts [x 1]\" >> $VELLUM_REPORT_FILE; done";
+    EXPECT_EQ(runScript({}, kTwo).errors,
+              "vellum run: no errors, no warnings, 3 devices checked (core only; core, gpu, sync)\n");
 }
 
 TEST(Run, ChecksThatAreRequired)
@@ -140,7 +166,7 @@ TEST(Run, ChecksThatAreRequired)
          {std::vector<std::string>{"--require-checks"}, {"--require-checks", "--validate"}}) {
         const Outcome unbuilt = runProgram(options, {options.size() == 1 ? "build" : "right"});
         EXPECT_EQ(unbuilt.exitCode, kMessagesFailed);
-        expectLine(unbuilt, options.size() == 1 ? "vellum run: not validated: add --validate\n" : kNothingBuilt);
+        expectLine(unbuilt, options.size() == 1 ? kNotValidated : kNothingBuilt);
     }
     EXPECT_EQ(runProgram({"--require-checks", "--validate"}, {"build"}).exitCode, 0);
     EXPECT_EQ(runProgram({"--validate"}, {"build"}, {{"VELLUM_REQUIRE_CHECKS", "1"}}).errors,
@@ -164,15 +190,22 @@ TEST(Run, ResultsForJunit)
             cases += text.substr(at + kCase.size(), text.find('\n', at) - at - kCase.size()) + "\n";
         return text.substr(text.find("tests="), text.find(" time=") - text.find("tests=")) + "\n" + cases;
     };
-    const std::string unchecked =
-        "checks\"><system-out>no device used micromaps through the layer</system-out></testcase>\n";
+    const std::string unchecked = "checks\"><system-out>" + std::string(kNoInstance) + "</system-out></testcase>\n";
     EXPECT_EQ(casesOf({}, "true", 0), "tests=\"2\" failures=\"0\"\nprogram\"/>\n" + unchecked);
     EXPECT_EQ(casesOf({}, "exit 3", 3),
-              "tests=\"2\" failures=\"1\"\nprogram\"><failure message=\"exit code 3\"/></testcase>\n" + unchecked);
-    EXPECT_EQ(
-        casesOf({"--require-checks"}, "true", kMessagesFailed),
-        "tests=\"2\" failures=\"1\"\nprogram\"/>\nchecks\"><failure message=\"no device used micromaps through the "
-        "layer\"/></testcase>\n");
+              "tests=\"2\" failures=\"1\"\nprogram\"><failure message=\"exited with 3\"/></testcase>\n" + unchecked);
+    EXPECT_EQ(casesOf({"--require-checks"}, "true", kMessagesFailed),
+              "tests=\"2\" failures=\"1\"\nprogram\"/>\nchecks\"><failure message=\"" + std::string(kNoInstance) +
+                  "\"/></testcase>\n");
+    EXPECT_EQ(casesOf({}, "echo info VELLUM-checked: builds are checked: core >> $VELLUM_REPORT_FILE", 0),
+              "tests=\"2\" failures=\"0\"\nprogram\"/>\nchecks\"><system-out>1 device checked (core "
+              "only)</system-out></testcase>\n");
+    EXPECT_EQ(casesOf({"--ignore", "VELLUM-a"}, std::string(kError), 0),
+              "tests=\"3\" failures=\"0\"\nprogram\"/>\n" + unchecked +
+                  "VELLUM-a\"><system-out>ignored: what</system-out></testcase>\n");
+    EXPECT_EQ(casesOf({"--timeout", "0.3"}, "sleep 60", kTimedOut),
+              "tests=\"2\" failures=\"1\"\nprogram\"><failure message=\"did not end within 0.3 s\"/></testcase>\n" +
+                  unchecked);
     EXPECT_EQ(casesOf({}, std::string(kError) + kWarning + kWarning, kMessagesFailed),
               "tests=\"4\" failures=\"1\"\nprogram\"/>\n" + unchecked +
                   "VELLUM-a\"><failure message=\"what\"/></testcase>\n"
@@ -181,6 +214,99 @@ TEST(Run, ResultsForJunit)
     EXPECT_EQ(noFolder.exitCode, 1) << noFolder.errors;
     expectLine(noFolder, "vellum: ");
     EXPECT_EQ(runScript({"--junit", (folder / "run.json").string()}, "true").exitCode, 2);
+}
+
+// Not that of an earlier run.
+TEST(Run, ResultsOfProgramsThatWereNotRun)
+{
+    const TemporaryFolder folder;
+    const std::filesystem::path junit = folder / "run.xml";
+    const std::filesystem::path json = folder / "run.json";
+    const auto textOf = [](const std::filesystem::path &path) {
+        const Bytes file = readFile(path);
+        return std::string(file.begin(), file.end());
+    };
+    const auto expectFailure = [&](std::vector<std::string> arguments, int code, const std::string &why,
+                                   const std::vector<std::pair<std::string, std::string>> &environment = {}) {
+        for (const std::filesystem::path &path : {junit, json})
+            std::ofstream(path) << "of an earlier run";
+        arguments.insert(arguments.begin(), {"run", "--junit", junit.string(), "--json", json.string()});
+        const Outcome outcome = runVellum(arguments, environment);
+        EXPECT_EQ(outcome.exitCode, code) << outcome.errors;
+        EXPECT_NE(textOf(junit).find("tests=\"1\" failures=\"1\""), std::string::npos) << textOf(junit);
+        EXPECT_NE(textOf(junit).find("name=\"program\"><failure message=\"not run: " + why), std::string::npos)
+            << textOf(junit);
+        EXPECT_NE(textOf(json).find("\"notRun\": \"" + why), std::string::npos) << textOf(json);
+        EXPECT_NE(textOf(json).find("\"exitCode\": " + std::to_string(code)), std::string::npos) << textOf(json);
+    };
+    expectFailure({"--", "there-is-no-such-program"}, 127, "there-is-no-such-program: ");
+    std::ofstream(folder / "text") << "no program";
+    expectFailure({"--", (folder / "text").string()}, 126, "");
+    expectFailure({"--layer-path", folder.path().string(), "--", "true"}, kNotRun, "the layer is not found",
+                  {{"HOME", folder.path().string()}, {"XDG_DATA_DIRS", folder.path().string()}});
+    expectFailure({"--", "true"}, 2, "there is no setting VELLUM_VALIDATTE", {{"VELLUM_VALIDATTE", "1"}});
+    expectFailure({"--", "true"}, 2, "VELLUM_REQUIRE_CHECKS is ", {{"VELLUM_REQUIRE_CHECKS", "maybe"}});
+}
+
+// A run that is killed leaves a failure.
+#ifndef _WIN32
+TEST(Run, ResultsOfARunThatDidNotEnd)
+{
+    const TemporaryFolder folder;
+    const std::filesystem::path junit = folder / "run.xml";
+    runScript({"--junit", junit.string()}, "kill -KILL $PPID");
+    const Bytes file = readFile(junit);
+    const std::string text(file.begin(), file.end());
+    EXPECT_NE(text.find("<failure message=\"the run has not ended\"/>"), std::string::npos) << text;
+}
+#endif
+
+TEST(Run, IgnoredMessages)
+{
+    const std::string script = std::string(kError) + kError + kWarning;
+    const Outcome outcome = runScript({"--fail-on", "warning", "--ignore", "VELLUM-a", "--ignore=VELLUM-b"}, script);
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+    expectLine(outcome, "vellum run: no errors, no warnings, 3 messages ignored, no devices checked\n");
+    expectLine(outcome, "  error   VELLUM-a (2 times, ignored): what\n");
+    expectLine(outcome, "  warning VELLUM-b (ignored): where\n");
+    const Outcome stale = runScript({"--ignore", "VELLUM-b", "--ignore", "VELLUM"}, kError);
+    EXPECT_EQ(stale.exitCode, kMessagesFailed) << "an id is a whole one";
+    expectLine(stale, "vellum run: --ignore VELLUM-b: no such message\n");
+    expectLine(stale, "vellum run: --ignore VELLUM: no such message\n");
+    EXPECT_EQ(stale.errors.find("ignored"), std::string::npos) << stale.errors;
+}
+
+TEST(Run, SaysHowTheProgramEnded)
+{
+    expectLine(runScript({}, "exit 3"), "vellum run: the program exited with 3\n");
+    EXPECT_EQ(runScript({}, "true").errors.find("run: the program"), std::string::npos);
+    // Unlike the code of messages.
+    expectLine(runScript({}, "exit 122"), "vellum run: the program exited with 122\n");
+#ifndef _WIN32
+    expectLine(runScript({}, "kill -SEGV $$"), "vellum run: the program ended by signal 11 (SIGSEGV)\n");
+    expectLine(runScript({}, "exit 139"), "vellum run: the program exited with 139\n");
+#endif
+}
+
+TEST(Run, TimeLimit)
+{
+    EXPECT_EQ(runScript({"--timeout", "60"}, "exit 3").exitCode, 3);
+    EXPECT_EQ(runScript({"--timeout", "60"}, std::string(kError) + "true").exitCode, kMessagesFailed);
+    const TemporaryFolder folder;
+    const std::string left = (folder / "left").string();
+    const Outcome outcome = runScript({"--timeout", "0.5"}, std::string(kError) + "(sleep 2; touch " + left +
+                                                                ") & trap '' TERM; sleep 60; sleep 60");
+    EXPECT_EQ(outcome.exitCode, kTimedOut) << outcome.errors;
+    expectLine(outcome, "vellum run: the program did not end within 0.5 s\n");
+    expectLine(outcome, "vellum run: 1 error, no warnings, ");
+    EXPECT_FALSE(std::filesystem::exists(left)) << "processes of the program are ended with it";
+    EXPECT_EQ(runScript({"--timeout", "0"}, "true").exitCode, 2);
+#ifndef _WIN32
+    EXPECT_EQ(
+        runScript({"--timeout", "60"}, "trap 'echo ended; exit 5' TERM; kill -TERM $PPID; while :; do sleep 0.1; done")
+            .exitCode,
+        5);
+#endif
 }
 
 TEST(Run, PartsOfValidationAreChecked)
@@ -218,7 +344,23 @@ TEST(Run, MisspeltVariablesAreErrors)
         EXPECT_EQ(outcome.output, "");
         EXPECT_EQ(outcome.errors, "vellum: there is no setting " + name + "; did you mean " + meant + "?\n");
     }
+    for (const auto &[name, meant] : {std::pair<std::string, std::string>{"VELUM_VALIDATE", "VELLUM_VALIDATE"},
+                                      {"VELLLUM_VALIDATE", "VELLUM_VALIDATE"},
+                                      {"VK_VELUM_STRICT", "VK_VELLUM_STRICT"},
+                                      {"VELULM_REQUIRE_CHECKS", "VELLUM_REQUIRE_CHECKS"},
+#ifndef _WIN32 // whose variables have no case
+                                      {"vellum_validate", "VELLUM_VALIDATE"},
+                                      {"Vellum_Fail_On", "VELLUM_FAIL_ON"},
+                                      {"vellum_validatte", "VELLUM_VALIDATE"},
+#endif
+                                      {"VELLUM-VALIDATE", "VELLUM_VALIDATE"}}) {
+        const Outcome outcome = runScript({}, "echo run", {{name, "1"}});
+        EXPECT_EQ(outcome.exitCode, 2) << name;
+        EXPECT_EQ(outcome.errors, "vellum: nothing reads " + name + "; did you mean " + meant + "?\n");
+    }
     // Settings, and variables of other programs.
+    for (const char *name : {"HELIUM_CACHE", "VOLUME_REPORT", "vellum_root", "PELLUM_STRICT_MODE", "VELUM_ROOT"})
+        EXPECT_EQ(runScript({}, "echo run", {{name, "1"}}).output, "run\n") << name;
     for (const char *name : {"VELLUM_CACHE", "VELLUM_VERSION", "VELLUM_ROOT", "VK_VELLUM_REQUIRE_CHECK"})
         EXPECT_EQ(runScript({}, "echo run", {{name, "1"}}).output, "run\n") << name;
 }
@@ -295,6 +437,28 @@ TEST(Run, ASignalToTheCommandAloneReachesTheProgram)
     EXPECT_EQ(outcome.exitCode, 5);
 }
 
+// As the loader would pass over it.
+TEST(Run, NeedsALayerThatLoads)
+{
+    const TemporaryFolder folder;
+    const auto expectProblem = [&](const std::string &library, const std::string &problem) {
+        std::ofstream(folder / "layer.json")
+            << R"({"file_format_version": "1.2.0", "layer": {"name": "VK_LAYER_VELLUM_opacity_micromap", "type": "GLOBAL",)"
+            << R"( "library_path": ")" << library
+            << R"(", "api_version": "1.4.359", "implementation_version": "1", "description": ""}})";
+        const Outcome outcome = runVellum({"run", "--layer-path", folder.path().string(), "--", "echo", "run"});
+        EXPECT_EQ(outcome.exitCode, kNotRun) << outcome.errors;
+        EXPECT_EQ(outcome.output, "");
+        EXPECT_EQ(outcome.errors, "vellum: the layer's manifest " + (folder / "layer.json").string() +
+                                      ": its library " + (folder / "layer.so").string() + problem + "\n");
+    };
+    expectProblem("./layer.so", " does not exist");
+    std::ofstream(folder / "layer.so") << "no library";
+#ifndef _WIN32
+    expectProblem("./layer.so", " is not a shared library, or cannot be read");
+#endif
+}
+
 TEST(Run, NeedsTheLayer)
 {
     const TemporaryFolder folder;
@@ -324,4 +488,41 @@ TEST(Run, WrongCommandLines)
         EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
     }
     EXPECT_NE(runScript({}, "true", {{"VELLUM_FAIL_ON", "errors"}}).exitCode, 0);
+    // Its value is not the argument that is too many.
+    for (const std::vector<std::string> &arguments :
+         {std::vector<std::string>{"run", "--frobnicate", "5", "--", "true"},
+          {"bake", "--frobnicate", "5", "a.glb", "b.glb", "c.glb"}}) {
+        const Outcome outcome = runVellum(arguments);
+        EXPECT_EQ(outcome.exitCode, 2);
+        EXPECT_EQ(outcome.errors.find("vellum: --frobnicate is not an option of vellum " + arguments[0]), 0U)
+            << outcome.errors;
+    }
+}
+
+TEST(Run, BooleanVariables)
+{
+    for (const char *yes : {"1", "true", "ON", "yes"})
+        EXPECT_EQ(runScript({}, "true", {{"VELLUM_REQUIRE_CHECKS", yes}}).exitCode, kMessagesFailed) << yes;
+    for (const char *no : {"0", "false", "off", "No", ""})
+        EXPECT_EQ(runScript({}, "true", {{"VELLUM_REQUIRE_CHECKS", no}}).exitCode, 0) << no;
+    const Outcome outcome = runScript({}, "echo run", {{"VELLUM_REQUIRE_CHECKS", "maybe"}});
+    EXPECT_EQ(outcome.exitCode, 2);
+    EXPECT_EQ(outcome.errors,
+              "vellum: VELLUM_REQUIRE_CHECKS is \"maybe\" and must be 1, true, on, yes, 0, false, off or no\n");
+    EXPECT_EQ(runProgram({"--fail-on", "warning"}, {"right"}, {{"VELLUM_STRICT", "yes"}}).exitCode, 0);
+}
+
+// They are options of `vellum run` alone.
+TEST(Run, VariablesThatNothingReadsAreReported)
+{
+    const auto errorsOf = [](const std::string &report) {
+        return runScript({}, "VELLUM_FAIL_ON=warning VELLUM_REPORT_FILE=" + report + " " + VELLUM_MICROMAP_PROGRAM +
+                                 " instance instance")
+            .errors;
+    };
+    const std::string alone = errorsOf("");
+    const size_t begin = alone.find("vellum: warning: VELLUM_FAIL_ON is set, which only vellum run reads");
+    EXPECT_NE(begin, std::string::npos) << alone;
+    EXPECT_EQ(alone.find("VELLUM_FAIL_ON", begin + 30), std::string::npos) << "once for each process: " << alone;
+    EXPECT_EQ(errorsOf("$VELLUM_REPORT_FILE").find("VELLUM_FAIL_ON"), std::string::npos);
 }

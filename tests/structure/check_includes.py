@@ -75,7 +75,7 @@ SUBSYSTEMS = {
     "bake": below("numbers", "texture", ""),
     "check": below("oracle", "case", "groups"),
     "gltf": below("file", "data", "", "micromaps"),
-    "cli": below("base", "options", "info", "check", "bench", "spirv", "verify", "bake", "sweep", "", "manual"),
+    "cli": below("base", "options", "info", "check", "run", "bench", "spirv", "verify", "bake", "sweep", "", "manual"),
 }
 
 SOURCES = {".c", ".cpp", ".h", ".inc", ".glsl", ".comp", ".vert", ".frag", ".mesh", ".rgen", ".rmiss", ".rchit",

@@ -141,13 +141,13 @@ TEST_F(SettingsTest, TheFirstFileThatThereIs)
 
 TEST_F(SettingsTest, AllValues)
 {
-    for (const char *yes : {"1", "true", "TRUE", "True", "on"}) {
+    for (const char *yes : {"1", "true", "TRUE", "True", "on", "yes"}) {
         write((std::string("vellum_opacity_micromap.strict = ") + yes).c_str());
         EXPECT_EQ(printed(), "") << yes;
         EXPECT_TRUE(settings_.strict) << yes;
     }
     set("VELLUM_STRICT", "1");
-    for (const char *no : {"0", "false", "FALSE", "off"}) {
+    for (const char *no : {"0", "false", "FALSE", "off", "no"}) {
         set("VELLUM_STRICT", no);
         EXPECT_EQ(printed(), "") << no;
         EXPECT_FALSE(settings_.strict) << no;
@@ -215,7 +215,7 @@ TEST_F(SettingsTest, WrongValuesAreReportedOnceAndIgnored)
               head + "report is \"quiet\" (" + file_.string() + ") and must be error, warning, info or none" + tail +
                   head + "dump_shaders is of type 0 (VkLayerSettingEXT) and must be of type STRING" + tail + head +
                   "validate is of type 99 (VkLayerSettingEXT) and must be of type BOOL32 or STRING" + tail + head +
-                  "strict is \"maybe\" (VELLUM_STRICT) and must be 1, true, on, 0, false or off" + tail);
+                  "strict is \"maybe\" (VELLUM_STRICT) and must be 1, true, on, yes, 0, false, off or no" + tail);
     EXPECT_TRUE(settings_.strict);
     EXPECT_EQ(settings_.dumpShaders, "");
     EXPECT_EQ(printed(&chain), "");
@@ -231,8 +231,8 @@ TEST_F(SettingsTest, FaultsAreAppendedToTheReportFile)
     EXPECT_EQ(printed(), "");
     std::ifstream lines(report);
     const std::string text(std::istreambuf_iterator<char>(lines), {});
-    EXPECT_EQ(text, "error VELLUM-setting: strict is \"per haps\" (VELLUM_STRICT) and must be 1, true, on, 0, false or "
-                    "off; the setting is ignored" +
+    EXPECT_EQ(text, "error VELLUM-setting: strict is \"per haps\" (VELLUM_STRICT) and must be 1, true, on, yes, 0, "
+                    "false, off or no; the setting is ignored" +
                         kProcess + "\n");
 }
 
@@ -285,7 +285,7 @@ TEST_F(SettingsTest, PartsOfValidation)
 // A misspelled value is not the setting's opposite: nothing changes, and the user can read why.
 TEST_F(SettingsTest, WrongValuesAreReportedAndIgnored)
 {
-    for (const char *value : {"yes", "2", "ture", "o f f"}) {
+    for (const char *value : {"yep", "2", "ture", "o f f"}) {
         write(("vellum_opacity_micromap.constant_ray_flags = " + std::string(value)).c_str());
         setenv("VELLUM_STRICT", value, 1);
         const std::string said = printed();
@@ -387,7 +387,7 @@ TEST_F(SettingsTest, FaultsReachMessengersAndTheFile)
     write(("vellum_opacity_micromap.report_file = " + file.string() + "\nvellum_opacity_micromap.strict = loudly")
               .c_str());
     const std::string fault = "error: VELLUM-setting: strict is \"loudly\" (" + file_.string() +
-                              ") and must be 1, true, on, 0, false or off; the setting is ignored\n";
+                              ") and must be 1, true, on, yes, 0, false, off or no; the setting is ignored\n";
     testing::internal::CaptureStderr();
     const Settings settings = readSettings(nullptr);
     Reporter ofInstance;

@@ -25,7 +25,7 @@ constexpr Meaning kMeanings[] = {
     {ExitCode::Failed, "spirv --lint", "findings"},
     {ExitCode::Failed, "check", "failures, or cases better than the baseline"},
     {ExitCode::Failed, "bench", "a self-check failed, or a part was not completed"},
-    {ExitCode::Failed, "run --junit", "the file cannot be written"},
+    {ExitCode::Failed, "run --junit or --json", "the file cannot be written"},
     {ExitCode::Usage, kEvery, "usage error: nothing was done"},
     {ExitCode::InvalidMicromaps, "info, verify", "micromaps that break a rule of the glTF extension"},
     {ExitCode::WrongClaims, "verify", "states that contradict the texture"},
@@ -35,10 +35,12 @@ constexpr Meaning kMeanings[] = {
     {ExitCode::MessagesFailed, "run",
      "the program succeeded, but there were messages of the severity of --fail-on, or nothing was checked "
      "(--require-checks)"},
+    {ExitCode::TimedOut, "run --timeout", "the program did not end in time, and was ended"},
     {ExitCode::NotRun, "run", "the program was not run, for example because the layer is not found"},
     {ExitCode::NotRun, "check", "nothing was tested, because no device has micromaps or all cases were skipped"},
     {ExitCode::NotExecutable, "run", "the program cannot be executed"},
     {ExitCode::NoProgram, "run", "there is no such program"},
+    {ExitCode::Interrupted, "bake, bench, check", "interrupted by Ctrl-C; what was finished before is kept"},
 };
 
 // The prefix of the text: the options for a subcommand, all users for none. Nothing where the subcommand is not among

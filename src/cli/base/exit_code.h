@@ -20,11 +20,13 @@ enum class ExitCode : int {
     UncertainClaims = 5, // 5 and 6 only with verify --strict
     NeedlesslyUnknown = 6,
     NoMicromaps = 7, // verify --strict or --require-micromaps, bake --require-micromaps
-    // Far from those of the programs that `run` runs; the last two are a shell's.
+    // Far from those of the programs that `run` runs; 126 and more are a shell's.
     MessagesFailed = 122, // run
+    TimedOut = 124,       // run --timeout
     NotRun = 125,         // run, check
     NotExecutable = 126,  // run
     NoProgram = 127,      // run
+    Interrupted = 130,    // 128 + SIGINT: the process ends by the signal
 };
 
 // Codes and their meanings, as "4" and "states that contradict the texture", in order: those that a subcommand can

@@ -8,8 +8,8 @@
 namespace vellum::cli
 {
 
-// "there is no setting VELLUM_VALIDTE; did you mean VELLUM_VALIDATE?" for each whose name is nearly that of a setting.
-// Others with the prefix of settings may be another program's.
+// "there is no setting VELLUM_VALIDTE; did you mean VELLUM_VALIDATE?" for each whose name is nearly that of a setting,
+// also if it is the prefix that is wrong (VELUM_VALIDATE). Others may be another program's.
 std::vector<std::string> misspeltVariables();
 
 } // namespace vellum::cli

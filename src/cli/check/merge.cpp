@@ -69,6 +69,7 @@ Run readRun(const std::filesystem::path &path)
         run.facts.seed = std::stoull(json.text("seed"));
         run.facts.seconds = std::stod(json.json("seconds"));
         run.facts.selection = json.text("selection");
+        run.facts.replayOptions = json.textOr("replayOptions");
         run.facts.incomplete = json.textOr("incomplete");
         if (const std::string shard = json.textOr("shard"); !shard.empty())
             run.shard = job::parseShard(shard);
@@ -143,6 +144,15 @@ std::filesystem::path resultsOf(const std::filesystem::path &run)
 {
     std::error_code error;
     return std::filesystem::is_directory(run, error) ? run / kResultsFile : run;
+}
+
+std::string incompleteIn(const std::filesystem::path &folder)
+{
+    try {
+        return JsonReader(readFile(folder / kResultsFile)).textOr("incomplete");
+    } catch (const std::exception &) { // no file, or not one of this command
+        return {};
+    }
 }
 
 MergedRuns mergeRuns(const std::vector<std::filesystem::path> &paths)

@@ -195,7 +195,7 @@ void writeCauses(const char *name, const std::vector<CauseTally> &causes, JsonWr
     });
 }
 
-void appendCauses(const char *heading, const std::vector<CauseTally> &causes, std::string &text)
+void appendCauses(const char *heading, const std::vector<CauseTally> &causes, const RunFacts &facts, std::string &text)
 {
     if (causes.empty())
         return;
@@ -204,7 +204,7 @@ void appendCauses(const char *heading, const std::vector<CauseTally> &causes, st
         text += fmt::format("  {}\n    {}, the first of which is {}\n", cause.cause, counted(cause.count, "case"),
                             nameOf(cause.first->id));
         if (const auto &details = cause.first->details; details != nullptr && !details->reproducer.empty())
-            text += fmt::format("    vellum check --replay {}\n", details->reproducer);
+            text += fmt::format("    vellum check {}--replay {}\n", facts.replayOptions, details->reproducer);
     }
 }
 
@@ -308,6 +308,8 @@ std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &re
         json.member("incomplete", facts.incomplete);
     if (!facts.shard.empty())
         json.member("shard", facts.shard);
+    if (!facts.replayOptions.empty())
+        json.member("replayOptions", facts.replayOptions);
     json.list("knownFaults", facts.device.knownFaults, [&](const DeviceSummary::Fault &fault) {
         json.beginObject().member("fault", fault.text).member("response", fault.response).end();
     });
@@ -346,10 +348,10 @@ std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &r
                         grouped(group.count({Status::Pass})), grouped(group.count({Status::Fail})),
                         grouped(group.count({Status::Skip})), grouped(group.count({Status::Crash, Status::DeviceLost})),
                         grouped(group.count({Status::Timeout})), grouped(group.rays), group.seconds);
-    appendCauses("failures", tally.failures, text);
-    appendCauses("better than the baseline, which is to be updated", tally.improvements, text);
-    appendCauses("flakes", tally.flakes, text);
-    appendCauses("skipped", tally.skips, text);
+    appendCauses("failures", tally.failures, facts, text);
+    appendCauses("better than the baseline, which is to be updated", tally.improvements, facts, text);
+    appendCauses("flakes", tally.flakes, facts, text);
+    appendCauses("skipped", tally.skips, facts, text);
     text += littleTested(tally);
     if (!facts.device.knownFaults.empty())
         text += "\nknown faults of the device, and what is therefore not tested:\n";

@@ -90,9 +90,10 @@ struct RunFacts {
     uint64_t seed = 0;
     std::vector<PlannedGroup> plan;
     double seconds = 0;
-    std::string incomplete; // why results are missing; empty if none are
-    std::string shard;      // of --shard; empty: without
-    std::string selection;  // describe()
+    std::string incomplete;    // why results are missing; empty if none are
+    std::string shard;         // of --shard; empty: without
+    std::string selection;     // describe()
+    std::string replayOptions; // of the command line that runs a failure again, each followed by a space
     std::string version = versionText();
 };
 

@@ -67,6 +67,19 @@ bool isNewFault(const std::string &text)
     return printed.insert(text).second;
 }
 
+// Reports variables that are options of `vellum run` where that, which sets `report_file`, did not start the program.
+void warnOfOptionsOfRun(const Settings &settings)
+{
+    for (const char *key : {"FAIL_ON", "REQUIRE_CHECKS"}) {
+        const std::string name = std::string(kVariablePrefix) + key;
+        if (!settings.reportFile.empty() || environmentVariable(name).value_or("").empty())
+            continue;
+        const std::string text = name + " is set, which only vellum run reads, and it did not start this program";
+        if (isNewFault(text))
+            std::fprintf(stderr, "vellum: warning: %s [%s]\n", text.c_str(), processName().c_str());
+    }
+}
+
 } // namespace
 
 // A message as it is sent.
@@ -105,6 +118,7 @@ void Reporter::apply(const Settings &settings, const void *instanceChain)
     file_ = settings.reportFile;
     limit_ = settings.messageLimit;
     breakOnError_ = settings.breakOnError;
+    warnOfOptionsOfRun(settings);
     const std::string id = settingId();
     for (const std::string &text : settings.faults) {
         if (!isNewFault(text))

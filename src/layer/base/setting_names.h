@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -18,6 +19,32 @@ inline std::string inCapitals(std::string text)
 {
     std::ranges::transform(text, text.begin(), [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
     return text;
+}
+
+inline constexpr const char *kBooleanWords = "1, true, on, yes, 0, false, off or no";
+
+// Nothing for other words than these; case does not matter.
+inline std::optional<bool> booleanOf(const std::string &word)
+{
+    const std::string name = inCapitals(word);
+    if (name == "1" || name == "TRUE" || name == "ON" || name == "YES")
+        return true;
+    if (name == "0" || name == "FALSE" || name == "OFF" || name == "NO")
+        return false;
+    return std::nullopt;
+}
+
+// The parts of validation that are on, "core, gpu"; "none". `Checks`: that of settings.h.
+template <typename Checks>
+std::string namesOf(const Checks &checks)
+{
+    std::string names;
+#define VELLUM_NAME(name, member, label, description)                                                                  \
+    if (checks.member)                                                                                                 \
+        names += (names.empty() ? "" : ", ") + std::string(#name);
+    VELLUM_CHECKS(VELLUM_NAME)
+#undef VELLUM_NAME
+    return names.empty() ? "none" : names;
 }
 
 // In the order of settings_table.h, as files and structures have them.

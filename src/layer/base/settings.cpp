@@ -53,9 +53,6 @@ constexpr std::pair<const char *, Preferred> kImplementations[] = {VELLUM_IMPLEM
 #define VELLUM_CHECK(name, member, label, description) {#name, &Checks::member},
 constexpr std::pair<const char *, bool Checks::*> kChecks[] = {VELLUM_CHECKS(VELLUM_CHECK)};
 #undef VELLUM_CHECK
-constexpr std::pair<const char *, bool> kBooleans[] = {
-    {"true", true}, {"false", false}, {"1", true}, {"0", false}, {"on", true}, {"off", false},
-};
 
 std::string trimmed(const std::string &text)
 {
@@ -122,8 +119,21 @@ private:
         if (value)
             setting = *value;
         else
-            fault(given.is("\"" + given.value + "\"") + " and must be " + expected + "; the setting is ignored");
+            wrongWord(given, expected);
         return value.has_value();
+    }
+
+    void assignBoolean(bool &setting, const Given &given)
+    {
+        if (const std::optional<bool> value = booleanOf(given.value))
+            setting = *value;
+        else
+            wrongWord(given, kBooleanWords);
+    }
+
+    void wrongWord(const Given &given, const char *expected)
+    {
+        fault(given.is("\"" + given.value + "\"") + " and must be " + expected + "; the setting is ignored");
     }
 
     // Names with commas; or all, none, or a boolean for these.
@@ -136,7 +146,7 @@ private:
             const auto check = named(kChecks, name);
             const std::optional<bool> every = inCapitals(name) == "ALL"    ? true
                                               : inCapitals(name) == "NONE" ? false
-                                                                           : named(kBooleans, name);
+                                                                           : booleanOf(name);
             if (!check && !every) {
                 fault(given.is("\"" + given.value + "\"") +
                       " and must be core, gpu, sync, several of them with commas, all or none; the setting is ignored");
@@ -180,7 +190,7 @@ private:
         else if (const auto *number = std::get_if<uint32_t Settings::*>(&row.member))
             assignNumber(settings_.**number, given, isLevel(*number));
         else
-            assign(settings_.*std::get<bool Settings::*>(row.member), kBooleans, given, "1, true, on, 0, false or off");
+            assignBoolean(settings_.*std::get<bool Settings::*>(row.member), given);
     }
 
     // Null after a message if there is no such setting.

@@ -437,6 +437,11 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     devices->add(added, dispatchKey(*handle));
     undo.keep();
     creation.startValidation(added);
+    if (!added.driver.providesMicromaps() && !added.validation)
+        instance.report.info("VELLUM-device-unchanged",
+                             added.driver.enabled.ext || added.driver.enabled.khr
+                                 ? "the driver's opacity micromaps are used on this device, without validation"
+                                 : "this device enables no extension of opacity micromaps");
     return VK_SUCCESS;
 }
 

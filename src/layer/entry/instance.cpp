@@ -12,6 +12,7 @@
 #include "core/curve.h"
 #include "core/records.h"
 #include "layer/base/pnext.h"
+#include "layer/base/setting_names.h"
 #include "layer/base/system.h"
 #include "layer/base/undo.h"
 #include "layer/entry/device.h"
@@ -115,6 +116,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, 
     instance->handle = *handle;
     instance->isVulkan11 = isVulkan11(*info);
     instance->next.load(*handle, nextGet, instance->isVulkan11);
+    instance->report.info("VELLUM-instance", "an instance with the layer was created; validation: " +
+                                                 namesOf(instance->settings.validate));
     instances->add(*instance.release(), dispatchKey(*handle));
     return VK_SUCCESS;
 }

@@ -333,6 +333,32 @@ TEST_F(Check, SettingsThatTheLayerIgnoresAreUsageErrors)
     EXPECT_FALSE(std::filesystem::exists(folder_ / "out"));
 }
 
+TEST_F(Check, TheLayerIsKeptOut)
+{
+    const std::string layer = "VK_LAYER_VELLUM_opacity_micromap";
+#ifdef _WIN32
+    const std::string separator = ";";
+#else
+    const std::string separator = ":";
+#endif
+    const Environment on = {{"VELLUM_FAKE_DEVICE", "variables"},
+                            {"VK_INSTANCE_LAYERS", "VK_LAYER_a" + separator + layer + separator + "VK_LAYER_b"},
+                            {"VK_LOADER_LAYERS_ENABLE", layer + ",*c"},
+                            {"VK_LOADER_LAYERS_DISABLE", "VK_LAYER_d"}};
+    const CheckRun failed = run({"good.*"}, {"--no-layer"}, {{"VELLUM_FAKE_DEVICE", "layer"}});
+    EXPECT_EQ(failed.outcome.exitCode, kNotRun);
+    EXPECT_EQ(failed.outcome.errors.find(
+                  "vellum: --no-layer does not keep the layer out: micromaps are emulated by the layer " + layer),
+              0U)
+        << failed.outcome.errors;
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "out"));
+    EXPECT_EQ(run({"good.*"}, {}, {{"VELLUM_FAKE_DEVICE", "layer"}}).outcome.exitCode, 0);
+    EXPECT_EQ(lineOf(run({"good.*"}, {"--no-layer"}, on).outcome, "micromaps:"),
+              "micromaps: VK_LAYER_a" + separator + "VK_LAYER_b|*c|VK_LAYER_d,VELLUM|");
+    EXPECT_EQ(lineOf(run({"good.*"}, {}, on).outcome, "micromaps:"),
+              "micromaps: VK_LAYER_a" + separator + "VELLUM" + separator + "VK_LAYER_b|VELLUM,*c|VK_LAYER_d|");
+}
+
 #ifndef _WIN32 // sends Ctrl-C to all processes of a console only
 TEST_F(Check, Interruption)
 {
@@ -345,6 +371,10 @@ TEST_F(Check, Interruption)
     EXPECT_NE(outcome.output.find("interrupted"), std::string::npos) << outcome.output;
     const Outcome merged = runVellum({"check", "--output", (folder_ / "all").string(), "--merge", output.string()});
     EXPECT_NE(merged.errors.find("out: interrupted\n"), std::string::npos) << merged.errors;
+    const std::string replaced =
+        "vellum: the results in " + output.string() + " are not whole (interrupted); this run replaces them\n";
+    EXPECT_EQ(run({"good.*"}).outcome.errors.find(replaced), 0U);
+    EXPECT_EQ(run({"good.*"}).outcome.errors.find("not whole"), std::string::npos) << "of a run that is whole";
 }
 
 // In the folder of a run that was whole.

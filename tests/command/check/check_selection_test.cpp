@@ -230,14 +230,50 @@ TEST_F(CheckSelection, Replay)
     const std::string failures = (folder_ / "out/failures/").string();
     const Outcome shrunk = runVellum({"check", "--replay", failures + "khr.bad.0000.json"});
     EXPECT_EQ(shrunk.exitCode, 1);
-    EXPECT_EQ(shrunk.output, "khr.bad.0000: Fail: replayed {\"triangles\":1}\n") << shrunk.errors;
+    EXPECT_EQ(shrunk.output, "khr.bad.0000: Fail: replayed {\"triangles\":1}\nmicromaps: fake\n") << shrunk.errors;
     const Outcome whole = runVellum({"check", "--replay", failures + "khr.crash.0000.json"});
     EXPECT_EQ(whole.exitCode, 1);
-    EXPECT_EQ(whole.output, "khr.crash.0000: Crash: " + kCrash + "\nThe last output was:\n?? <&\n") << whole.errors;
+    EXPECT_EQ(whole.output, "khr.crash.0000: Crash: " + kCrash + "\nmicromaps: fake\nThe last output was:\n?? <&\n")
+        << whole.errors;
     const std::string good =
         std::regex_replace(textOf(failures + "khr.bad.0000.json"), std::regex("triangles"), "good");
     const Outcome passes = runVellum({"check", "--replay", file("good.json", good)});
     EXPECT_EQ(passes.exitCode, 0) << passes.errors;
+}
+
+// Also after --merge.
+TEST_F(CheckSelection, ReplayHasTheOptionsOfTheDevice)
+{
+    const CheckRun check = run({"--filter", "khr.bad.0000", "--no-layer", "--device", "my GPU"});
+    const std::string line = "    vellum check --no-layer --device \"my GPU\" --replay ";
+    EXPECT_NE(check.outcome.output.find(line + (folder_ / "out").string()), std::string::npos) << check.outcome.output;
+    const std::string all = (folder_ / "all").string();
+    const Outcome merged = runVellum({"check", "--merge", (folder_ / "out").string(), "--output", all});
+    EXPECT_NE(merged.output.find(line + all), std::string::npos) << merged.output;
+    const std::string emulated = run({"--filter", "khr.bad.0000", "--implementation", "emulated"}).outcome.output;
+    EXPECT_NE(emulated.find("    vellum check --implementation emulated --replay "), std::string::npos) << emulated;
+}
+
+TEST_F(CheckSelection, ResultsAreACaseList)
+{
+    ASSERT_EQ(
+        run({"--filter", "khr.good.0001", "--filter", "khr.good.0003", "--filter", "khr.bad.0002"}).outcome.exitCode,
+        1);
+    const std::string results = file("results.csv", textOf(folder_ / "out/results.csv"));
+    const CheckRun again = run({"--caselist", results});
+    EXPECT_EQ(again.outcome.exitCode, 1) << again.outcome.errors;
+    EXPECT_EQ(again.results, statusesIn(results));
+    EXPECT_FALSE(again.results.empty());
+}
+
+TEST_F(CheckSelection, GroupsOfAFilter)
+{
+    const Outcome all = runVellum({"check", "--groups"});
+    const Outcome good = runVellum({"check", "--groups", "--filter", "khr.good.*"});
+    EXPECT_EQ(good.output.find("good ("), 0U) << good.output;
+    EXPECT_EQ(good.output.find("bad ("), std::string::npos) << good.output;
+    EXPECT_LT(good.output.size(), all.output.size());
+    EXPECT_EQ(runVellum({"check", "--groups", "--filter", "khr.none.*"}).exitCode, 2);
 }
 
 TEST_F(CheckSelection, ShardsTogetherAreTheWholeRun)

@@ -249,9 +249,20 @@ DeviceSummary describeDevice(const WorkerOptions &options)
         test::crash();
     if (device == "setting")
         std::fputs("chatter\nvellum: VELLUM-setting: there is no setting VELLUM_VALIDTE\nmore", stderr);
+    std::string implementation = "fake";
+    if (device == "layer")
+        implementation = "emulated by the layer VK_LAYER_VELLUM_opacity_micromap";
+    if (device == "variables") { // VELLUM in place of its layer, whose name would be that of the implementation
+        implementation.clear();
+        for (const char *name : {"VK_INSTANCE_LAYERS", "VK_LOADER_LAYERS_ENABLE", "VK_LOADER_LAYERS_DISABLE"})
+            implementation += check::variable(name) + "|";
+        constexpr std::string_view kLayer = "VK_LAYER_VELLUM_opacity_micromap";
+        for (size_t at = 0; (at = implementation.find(kLayer)) != std::string::npos;)
+            implementation.replace(at, kLayer.size(), "VELLUM");
+    }
     return {7,
             options.device.text().value_or("fake"),
-            "fake",
+            implementation,
             device != "ext",
             device != "khr",
             {{"rays are <green>", "colours are not compared"}}};

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <span>
 
+#include "layer/base/setting_names.h"
 #include "layer/input/checked.h"
 #include "layer/rules/builds.h"
 #include "layer/rules/ids.h"
@@ -521,7 +522,7 @@ void noteChecked(DeviceModel &device, const input::Builds &builds)
 {
     if ((!builds.micromaps.empty() || !builds.structures.empty()) && !device.hasCheckedBuild &&
         !device.hasCheckedBuild.exchange(true))
-        device.driver.report().info("VELLUM-checked", "builds on this device are checked");
+        device.driver.report().info("VELLUM-checked", "builds on this device are checked: " + namesOf(device.checks));
 }
 
 void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildCommand command, input::Builds &builds)
