@@ -373,7 +373,8 @@ bool endAfter(double seconds)
         return false;
     kill(-program, SIGTERM);
     kill(-program, SIGCONT); // to one that is stopped
-    waitForProgram(kSecondsToEnd);
+    // Others of the group may need the time although the program has ended.
+    std::this_thread::sleep_for(std::chrono::duration<double>(kSecondsToEnd));
     kill(-program, SIGKILL);
     return true;
 }
@@ -393,6 +394,12 @@ ProgramEnd runProgram(std::span<const std::string> words, std::optional<double> 
         return end;
     }
     end.timedOut = seconds && endAfter(*seconds);
+    constexpr double kSecondsToDie = 5;
+    if (end.timedOut && !waitForProgram(kSecondsToDie)) { // it hangs in the kernel
+        program = 0;
+        end.code = ProgramEnd::kTimedOut;
+        return end;
+    }
     int status = 0;
     while (waitpid(program, &status, 0) < 0)
         if (errno != EINTR)

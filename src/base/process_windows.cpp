@@ -417,7 +417,8 @@ ProgramEnd runProgram(std::span<const std::string> words, std::optional<double> 
     const DWORD milliseconds = seconds ? static_cast<DWORD>(std::min(*seconds * 1000, 4e9)) : INFINITE;
     if (WaitForSingleObject(process.get(), milliseconds) == WAIT_TIMEOUT) {
         TerminateJobObject(job.get(), ProgramEnd::kTimedOut);
-        WaitForSingleObject(process.get(), INFINITE);
+        TerminateProcess(process.get(), ProgramEnd::kTimedOut); // where it could not be assigned to the job
+        WaitForSingleObject(process.get(), 5000);               // one that hangs in the kernel does not end
         end.timedOut = true;
         end.code = ProgramEnd::kTimedOut;
         return end;

@@ -38,8 +38,8 @@ Runs a program with the layer on, in it and in the processes that it starts, and
 layer reported, with the first message of each kind. What the program does with its output and its input is unchanged;
 the summary is on stderr. Options come before the program, separated by --.
 
-Messages: an error is input that the layer rejected or, with --validate, that breaks a rule. A warning is input that breaks
-one and was tolerated, or that probably has no effect.
+Messages: an error is input that the layer rejected or, with --validate, that breaks a rule. A warning is
+what probably has no effect and, without --validate, input that breaks a rule and was tolerated.
 
 A device counts as checked once the program builds a micromap or an acceleration structure on it with --validate. Without
 --require-checks, a program passes in which nothing was checked, which the summary states. With it, one checked device in
@@ -158,12 +158,15 @@ bool writeFile(const std::optional<std::filesystem::path> &path, const std::stri
     }
 }
 
-// Writes the files of the options.
-bool writeReports(const RunOptions &options, const RunReport &report, bool quiet = false)
+// Writes the files of the options. If one cannot be written, a run that succeeded fails.
+void writeReports(const RunOptions &options, RunReport &report, bool quiet = false)
 {
     const bool junit = writeFile(options.junit, junitXml(report), quiet);
+    if (!junit && report.exitCode == 0)
+        report.exitCode = static_cast<int>(ExitCode::Failed);
     const bool json = writeFile(options.json, reportJson(report), quiet);
-    return junit && json;
+    if (!json && report.exitCode == 0)
+        report.exitCode = static_cast<int>(ExitCode::Failed);
 }
 
 int exitWithoutRun(const RunOptions &options, RunReport &report, int code, const std::string &why)
@@ -196,6 +199,11 @@ int run(const RunOptions &options, const std::vector<std::string> &commandLine)
     report.program = wordsBehindSeparator(commandLine);
     if (report.program.empty())
         report.program = options.program;
+    for (const auto &file : {options.junit, options.json})
+        if (file && isStandardStream(*file))
+            throw UsageError("--junit and --json need files: stdout is the program's");
+    if (options.junit && options.junit == options.json)
+        throw UsageError("--junit and --json name the same file");
     report.failOn = options.failOn;
     report.requireChecks = options.requireChecks;
     report.ignored = options.ignored;
@@ -227,8 +235,7 @@ int run(const RunOptions &options, const std::vector<std::string> &commandLine)
     const std::string failure = report.failure();
     report.exitCode =
         report.end.code != 0 || failure.empty() ? report.end.code : static_cast<int>(ExitCode::MessagesFailed);
-    if (!writeReports(options, report) && report.exitCode == 0)
-        return static_cast<int>(ExitCode::Failed);
+    writeReports(options, report);
     if (report.end.code == 0 && !failure.empty())
         std::fprintf(stderr, "vellum run: failed, %s\n", failure.c_str());
     return report.exitCode;

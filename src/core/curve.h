@@ -57,8 +57,8 @@ VELLUM_FN uint finestCurveIndex(VELLUM_IN float u, VELLUM_IN float v)
     const float cellsV = v * steps;
     uint iu = toUint(cellsU);
     uint iv = toUint(cellsV);
-    // The place in the cell. These differences are exact, and so is their sum unless u or v is below 2^-12; that of u and v
-    // is rounded, to beyond the diagonal also.
+    // The place in the cell. These differences are exact, and so is their sum unless u or v is below 2^-12; that of u
+    // and v is rounded, to beyond the diagonal also.
     const float rest = (cellsU - toFloat(iu)) + (cellsV - toFloat(iv));
     iv = iv < kFinestMask ? iv : kFinestMask;
     iu = iu < kFinestMask - iv ? iu : kFinestMask - iv;

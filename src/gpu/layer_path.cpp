@@ -59,7 +59,7 @@ void addLayerFolder(const std::filesystem::path &folder)
     // The loader ignores VK_ADD_LAYER_PATH where the user has set VK_LAYER_PATH.
     const char *name = variable("VK_LAYER_PATH") ? "VK_LAYER_PATH" : "VK_ADD_LAYER_PATH";
     const std::string old = variable(name).value_or("");
-    setVariable(name, old.empty() ? utf8Text(folder) : old + kListSeparator + utf8Text(folder));
+    setVariable(name, utf8Text(folder) + (old.empty() ? "" : kListSeparator + old)); // the loader takes the first
 }
 
 void offerLayer(const std::optional<std::filesystem::path> &folder)

@@ -137,7 +137,7 @@ void DoneFiles::add(const std::filesystem::path &log)
         try {
             const JsonReader json(line);
             State state{.time = json.text("time"),
-                        .options = json.text("options"),
+                        .options = json.textOr("options"),
                         .done = json.text("status") != kFailed,
                         .written = {}};
             json.forEach("files", [&](const rapidjson::Value &file) {

@@ -341,7 +341,8 @@ VKAPI_ATTR VkBool32 VKAPI_CALL remember(VkDebugUtilsMessageSeverityFlagBitsEXT s
     return VK_FALSE;
 }
 
-// The text of a fault that does no harm states whether the layer goes on; the severity is an error with validation or `strict`.
+// The text of a fault that does no harm states whether the layer goes on; the severity is an error with validation or
+// `strict`.
 TEST(ReporterTest, ToleratesUnlessStrict)
 {
     std::string texts;
@@ -368,8 +369,9 @@ TEST(ReporterTest, ToleratesUnlessStrict)
         settings.strict = true;
         report.apply(settings, nullptr);
         EXPECT_FALSE(InputCheck(device, place).report("VELLUM-a", nullptr, "two", Severity::Tolerate).accepted);
-        EXPECT_EQ(texts, (validating ? "error" : "warning") +
-                             std::string(": VELLUM-a: vkCommand: one; the layer goes on\nerror: VELLUM-a: vkCommand: two\n"));
+        EXPECT_EQ(texts,
+                  (validating ? "error" : "warning") +
+                      std::string(": VELLUM-a: vkCommand: one; the layer goes on\nerror: VELLUM-a: vkCommand: two\n"));
     }
 }
 

@@ -59,7 +59,7 @@ void addInfo(const Message &message, MessageSummary &summary)
         ++summary.devices;
     } else if (message.id == "VELLUM-device-unchanged") {
         ++summary.plainDevices;
-        summary.driversOwn |= message.text.find("driver") != std::string::npos;
+        summary.driversOwn |= message.text.starts_with("the driver's");
     } else if (message.id == "VELLUM-checked") {
         ++summary.checked;
         if (const std::string parts = valueOf(message.text);

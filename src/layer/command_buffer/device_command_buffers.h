@@ -22,7 +22,7 @@ struct DeviceCommandBuffers {
     CommandStates states{};
     HandleMap<VkDeferredOperationKHR, std::shared_ptr<DeferredOperation>> deferredOperations{};
     std::function<void()> onBegin = [] {}; // called when a command buffer begins
-    ProbeQueue probes{};             // destroyed first: unfinished probes may use the other members
+    ProbeQueue probes{};                   // destroyed first: unfinished probes may use the other members
 };
 
 } // namespace vellum::layer

@@ -110,14 +110,15 @@ VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, 
     auto instance = std::make_unique<Instance>();
     instance->settings = readSettings(info->pNext);
     instance->report.apply(instance->settings, info->pNext);
+    const std::string created =
+        "an instance with the layer was created; validation: " + namesOf(instance->settings.validate);
     const VkResult result = nextCreate(info, allocator, handle);
     if (result != VK_SUCCESS)
         return result;
     instance->handle = *handle;
     instance->isVulkan11 = isVulkan11(*info);
     instance->next.load(*handle, nextGet, instance->isVulkan11);
-    instance->report.info("VELLUM-instance", "an instance with the layer was created; validation: " +
-                                                 namesOf(instance->settings.validate));
+    instance->report.info("VELLUM-instance", created);
     instances->add(*instance.release(), dispatchKey(*handle));
     return VK_SUCCESS;
 }

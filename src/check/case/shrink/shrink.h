@@ -30,7 +30,7 @@ struct Shrunk {
 using StillFails = std::function<bool(const Case &)>;
 
 // The smallest case found for which stillFails is true, which must be so for c. Every case that stillFails gets is
-// valid (validity.h).
+// valid (case.h).
 Shrunk shrink(const Case &c, const StillFails &stillFails, const ShrinkLimits &limits);
 
 } // namespace vellum::check
