@@ -37,4 +37,8 @@ std::vector<uint32_t> withLiteral(std::span<const uint32_t> words, uint32_t spec
 // constants of such a type, or a bitcast. The module must have that type.
 std::vector<uint32_t> withSignedFlags(std::span<const uint32_t> words);
 
+// Ray flags that are no constants are the result of an OpSelect of two constants instead: `first` where they equal it,
+// else `second`. The module must have a bool type and flags that are unsigned.
+std::vector<uint32_t> withSelectedFlags(std::span<const uint32_t> words, uint32_t first, uint32_t second);
+
 } // namespace vellum::gpu

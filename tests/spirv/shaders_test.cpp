@@ -80,6 +80,11 @@ TEST(Shaders, OfTheTracerAreValidInEveryForm)
             if (name == "tracer_comp_specialized") {
                 EXPECT_EQ(both.size(), literal.size() + 4) << "a constant of its own, and no bitcast";
             }
+        } else {
+            const Module selected = gpu::withSelectedFlags(words, 0x81, 0x400);
+            EXPECT_NE(selected, words) << file;
+            EXPECT_EQ(validate(selected), "") << file;
+            EXPECT_EQ(validate(gpu::withSignedFlags(selected)), "") << file;
         }
         using gpu::OtherEntry;
         for (const OtherEntry other : {OtherEntry::Empty, OtherEntry::SharedBefore, OtherEntry::SharedAfter}) {

@@ -96,6 +96,7 @@ inline constexpr std::array kFlagSourceNames{
     Name<TracePlan::Flags>{TracePlan::Flags::RunTime, "run-time"},
     Name<TracePlan::Flags>{TracePlan::Flags::Specialized, "specialized"},
     Name<TracePlan::Flags>{TracePlan::Flags::Literal, "literal"},
+    Name<TracePlan::Flags>{TracePlan::Flags::Selected, "selected"},
     Name<TracePlan::Flags>{TracePlan::Flags::Mixed, "mixed"},
     Name<TracePlan::Flags>{TracePlan::Flags::Computed, "computed"},
 };

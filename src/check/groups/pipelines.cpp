@@ -276,6 +276,7 @@ Case pipelineRayFlags(Random &random, const DeviceLimits &limits)
         for (Ray &ray : c.scene.rays)
             ray.flags = chance(random, 60) ? c.scene.rays[0].flags : ray.flags;
     }
+    selectFlags(random, c, 40);
     return c;
 }
 
@@ -358,7 +359,7 @@ constexpr std::array kPipelinesGroups{
         "group behaves as though it is a shader group consisting entirely of VK_SHADER_UNUSED_KHR\"",
         200, runGroup<bindingTables>, 30},
     Group{"pipeline-ray-flags",
-          "ray flags of traceRayEXT at run time, specialized, literal, computed, and of two instructions",
+          "ray flags of traceRayEXT at run time, specialized, literal, selected, computed, and of two instructions",
           "OpTraceRayKHR: Ray Flags, SBT Offset, SBT Stride, Miss Index; IncomingRayFlagsKHR", 150,
           runGroup<pipelineRayFlags>, 50},
     Group{"several-pipelines",

@@ -79,6 +79,8 @@ void allowUpdates(Case &c);
 void setConstantFlags(Random &random, oracle::Scene &scene);
 // As above, and the shader knows them.
 void fixFlags(Random &random, Case &c);
+// In so many of the cases with ray flags of run time, rays get one of two, between which the shader selects.
+void selectFlags(Random &random, Case &c, uint32_t percent);
 // Some candidates end their rays.
 void terminateSome(Random &random, oracle::Scene &scene);
 // Record offsets of instances, which any ray of the case's pipelines may use: triangles and boxes reach different ones.

@@ -139,6 +139,7 @@ Case flags(Random &random, const DeviceLimits &limits)
         c.trace.method = TracePlan::Method::Pipeline;
     else if (chance(random, 40))
         fixFlags(random, c);
+    selectFlags(random, c, 15);
     return c;
 }
 
@@ -235,6 +236,7 @@ Case stages(Random &random, const DeviceLimits &limits)
     c.trace.launch.offset = chance(random, 50) ? below(random, 70) : 0;
     c.trace.vertexBuffers = limits.addressCommands() && c.trace.stage == VK_SHADER_STAGE_VERTEX_BIT &&
                             !c.trace.byAddress && c.trace.flags == TracePlan::Flags::RunTime && chance(random, 60);
+    selectFlags(random, c, 30);
     return c;
 }
 
@@ -255,6 +257,7 @@ Case queryObjects(Random &random, const DeviceLimits &limits)
         fixFlags(random, c);
     terminateSome(random, c.scene);
     setRecords(random, c);
+    selectFlags(random, c, 35);
     return c;
 }
 
@@ -272,6 +275,7 @@ Case executionMode(Random &random, const DeviceLimits &limits)
     if (chance(random, 40))
         fixFlags(random, c);
     c.trace.otherEntry = otherEntry(random, c.trace.stage, 40);
+    selectFlags(random, c, 20);
     return c;
 }
 
@@ -312,7 +316,8 @@ constexpr std::array kResolutionGroups{
         150, runGroup<lossy>, 80},
     Group{
         "stages",
-        "ray queries in every stage, with ray flags of run time, specialized and literal ones, by direct and indirect "
+        "ray queries in every stage, with ray flags of run time, specialized, literal and selected ones, by direct and "
+        "indirect "
         "commands, also of VK_KHR_device_address_commands",
         "OpRayQueryInitializeKHR in each stage; OpExecutionModeId OpacityMicromapIdKHR with a specialization constant",
         200, runGroup<stages>, 30},
