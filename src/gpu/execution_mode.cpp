@@ -15,9 +15,9 @@ namespace
 constexpr size_t kHeader = 5; // words before the first instruction
 constexpr uint32_t kSource = 3, kExtension = 10, kEntryPoint = 15, kExecutionMode = 16, kCapability = 17,
                    kTypeVoid = 19, kTypeBool = 20, kTypeInt = 21, kTrue = 41, kFalse = 42, kConstant = 43,
-                   kSpecFalse = 49, kSpecConstant = 50, kFunction = 54, kFunctionEnd = 56, kFunctionCall = 57,
-                   kDecorate = 71, kBitcast = 124, kSelect = 169, kEqual = 170, kLabel = 248, kReturn = 253,
-                   kExecutionModeId = 331;
+                   kSpecFalse = 49, kSpecConstant = 50, kSpecOperation = 52, kFunction = 54, kFunctionEnd = 56,
+                   kFunctionCall = 57, kDecorate = 71, kBitcast = 124, kLogicalAnd = 167, kLogicalNot = 168,
+                   kSelect = 169, kEqual = 170, kLabel = 248, kReturn = 253, kExecutionModeId = 331;
 constexpr uint32_t kSpecId = 1; // a decoration
 
 // The word of the ray flags in an instruction; 0: it has none.
@@ -44,9 +44,13 @@ std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint3
     std::vector<uint32_t> out(words.begin(), words.begin() + kHeader);
     if (mode == Mode::Absent)
         return {words.begin(), words.end()};
+    const bool computed = mode == Mode::Computed;
     const uint32_t constant = out[3]++;
+    // Of the computation.
+    const uint32_t one = computed ? out[3]++ : constant, other = computed ? out[3]++ : 0,
+                   inverse = computed ? out[3]++ : 0;
     uint32_t function = 0;
-    bool begun = false, decorated = mode != Mode::Specialized;
+    bool begun = false, decorated = mode != Mode::Specialized && !computed;
     const auto put = [&out](uint32_t opcode, std::initializer_list<uint32_t> operands) {
         out.push_back(static_cast<uint32_t>(operands.size() + 1) << 16 | opcode);
         out.insert(out.end(), operands);
@@ -66,13 +70,22 @@ std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint3
             begun = true;
         }
         if (opcode == kTypeVoid && !decorated) {
-            put(kDecorate, {constant, kSpecId, specId});
+            put(kDecorate, {one, kSpecId, specId});
+            if (computed)
+                put(kDecorate, {other, kSpecId, specId + 1});
             decorated = true;
         }
         out.insert(out.end(), words.begin() + static_cast<ptrdiff_t>(at),
                    words.begin() + static_cast<ptrdiff_t>(at + (words[at] >> 16)));
-        if (opcode == kTypeBool)
-            put(mode == Mode::True ? kTrue : mode == Mode::False ? kFalse : kSpecFalse, {words[at + 1], constant});
+        if (opcode != kTypeBool)
+            continue;
+        const uint32_t type = words[at + 1];
+        put(mode == Mode::True ? kTrue : mode == Mode::False ? kFalse : kSpecFalse, {type, one});
+        if (computed) {
+            put(kSpecFalse, {type, other});
+            put(kSpecOperation, {type, inverse, kLogicalNot, other});
+            put(kSpecOperation, {type, constant, kLogicalAnd, one, inverse});
+        }
     }
     if (!begun || !decorated)
         throw std::runtime_error("a module that the execution mode cannot be put into");

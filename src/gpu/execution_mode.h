@@ -10,10 +10,11 @@
 namespace vellum::gpu
 {
 
-enum class Mode { Absent, False, True, Specialized };
+enum class Mode { Absent, False, True, Specialized, Computed };
 
-// The module with the execution mode; Specialized: by the constant with that id, which is false. It must have one entry
-// point, a bool type and debug names.
+// The module with the execution mode; Specialized: by the constant with that id, which is false; Computed: where that
+// constant is true and that with the next id is not, both of which are false. It must have one entry point, a bool type
+// and debug names.
 std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint32_t specId = 0);
 
 // Another entry point of a module, which is not used. Empty: it does nothing. Shared: both entry points call the same

@@ -67,7 +67,7 @@ Case randomCase(uint32_t seed, uint32_t rays)
     c.trace = {.method = static_cast<TracePlan::Method>(below(random, 2)),
                .stage = kQueryStages[below(random, kQueryStages.size())],
                .flags = static_cast<TracePlan::Flags>(below(random, 4)),
-               .mode = static_cast<TracePlan::Mode>(below(random, 4)),
+               .mode = static_cast<TracePlan::Mode>(below(random, 6)),
                .byAddress = yes(),
                .inlineModules = yes(),
                .besideBuild = yes(),

@@ -190,8 +190,9 @@ struct TracePlan {
     // together that have at most two different flags. Only in pipelines: Mixed: two instructions trace, one with the
     // literal flags of the first ray. Computed: a function traces in a loop, with flags that it computes.
     enum class Flags { RunTime, Specialized, Literal, Selected, Mixed, Computed };
-    // The execution mode of modules with ray queries (VK_KHR_opacity_micromap). False: sceneRule.
-    enum class Mode { True, False, SpecializedTrue, SpecializedFalse };
+    // The execution mode of modules with ray queries (VK_KHR_opacity_micromap). Computed: from two specialization
+    // constants. False: sceneRule.
+    enum class Mode { True, False, SpecializedTrue, SpecializedFalse, ComputedTrue, ComputedFalse };
     // The shader of a pipeline that traces the rays; not ray generation: in recursion.
     enum class From { RayGeneration, ClosestHit, Miss };
     // How a shader uses its ray query. Array: one of two queries in an array. Functions: functions that get it as a

@@ -105,6 +105,8 @@ inline constexpr std::array kModeNames{
     Name<TracePlan::Mode>{TracePlan::Mode::False, "false"},
     Name<TracePlan::Mode>{TracePlan::Mode::SpecializedTrue, "specialized-true"},
     Name<TracePlan::Mode>{TracePlan::Mode::SpecializedFalse, "specialized-false"},
+    Name<TracePlan::Mode>{TracePlan::Mode::ComputedTrue, "computed-true"},
+    Name<TracePlan::Mode>{TracePlan::Mode::ComputedFalse, "computed-false"},
 };
 inline constexpr std::array kFromNames{
     Name<TracePlan::From>{TracePlan::From::RayGeneration, "ray-generation"},

@@ -44,7 +44,8 @@ std::string callableFault(uint32_t ray, uint32_t called, const oracle::TracedBy 
 
 bool consumesMicromaps(const TracePlan &plan)
 {
-    return plan.mode == TracePlan::Mode::True || plan.mode == TracePlan::Mode::SpecializedTrue;
+    return plan.mode == TracePlan::Mode::True || plan.mode == TracePlan::Mode::SpecializedTrue ||
+           plan.mode == TracePlan::Mode::ComputedTrue;
 }
 
 std::optional<std::string> sceneRule(const Device &gpu, const TracePlan &plan, const Scene &scene)

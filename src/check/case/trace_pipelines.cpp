@@ -43,6 +43,8 @@ Mode modeOf(const TracePlan &plan)
     switch (plan.mode) {
     case TracePlan::Mode::True: return Mode::True;
     case TracePlan::Mode::False: return Mode::False;
+    case TracePlan::Mode::ComputedTrue:
+    case TracePlan::Mode::ComputedFalse: return Mode::Computed;
     default: return Mode::Specialized;
     }
 }
@@ -177,6 +179,10 @@ std::unique_ptr<Tracer> queryTracer(Device &gpu, const TracePlan &plan, uint32_t
         words = withMode(words, modeOf(plan), Tracer::kModeConstant);
         if (modeOf(plan) == Mode::Specialized)
             setup.specializedMode = plan.mode == TracePlan::Mode::SpecializedTrue ? VK_TRUE : VK_FALSE;
+        if (modeOf(plan) == Mode::Computed) {
+            setup.specializedMode = VK_TRUE;
+            setup.specializedOther = plan.mode == TracePlan::Mode::ComputedTrue ? VK_FALSE : VK_TRUE;
+        }
     }
     if (plan.otherEntry != OtherEntry::None)
         words = withOtherEntry(words,
