@@ -281,10 +281,11 @@ BindingTable::Regions BindingTable::regions() const
     return all;
 }
 
-void BindingTable::prepare(const LaunchPlan &launch, uint32_t rays, const Buffer *copy)
+void BindingTable::prepare(const LaunchPlan &launch, uint32_t rays, const Buffer *copy, uint32_t barrier)
 {
     launch_ = launch;
     copy_ = copy;
+    barrier_ = barrier;
     const uint32_t rows = launch.height * launch.depth;
     width_ = (rays + rows - 1) / rows;
     if (launch.command != Launch::Indirect2) {
@@ -304,23 +305,28 @@ void BindingTable::trace(VkCommandBuffer commands) const
 {
     if (copy_ != nullptr) {
         const VkDeviceSize from = startOf(buffer_, alignment_), to = startOf(*copy_, alignment_);
-        const VkBufferCopy all{from, to, buffer_.size() - alignment_};
+        const VkBufferCopy whole{from, to, buffer_.size() - alignment_};
         // The traces before have read what is overwritten.
         vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_RAY_TRACING_SHADER_BIT_KHR, VK_PIPELINE_STAGE_TRANSFER_BIT, 0,
                              0, nullptr, 0, nullptr, 0, nullptr);
-        vkCmdCopyBuffer(commands, buffer_.handle(), copy_->handle(), 1, &all);
-        // Of this buffer alone, where that can be said.
-        const auto written =
-            vkInit<VkBufferMemoryBarrier2>({.srcStageMask = VK_PIPELINE_STAGE_2_TRANSFER_BIT,
-                                            .srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT,
-                                            .dstStageMask = VK_PIPELINE_STAGE_2_RAY_TRACING_SHADER_BIT_KHR,
-                                            .dstAccessMask = VK_ACCESS_2_SHADER_READ_BIT,
-                                            .srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
-                                            .dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
-                                            .buffer = copy_->handle(),
-                                            .size = VK_WHOLE_SIZE});
+        vkCmdCopyBuffer(commands, buffer_.handle(), copy_->handle(), 1, &whole);
+        const bool forTables = (barrier_ & kBarrierForTables) != 0, ofMemory = (barrier_ & kBarrierOfMemory) != 0;
+        const auto all = vkInit<VkMemoryBarrier2>(
+            {.srcStageMask = VK_PIPELINE_STAGE_2_TRANSFER_BIT,
+             .srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT,
+             .dstStageMask = VK_PIPELINE_STAGE_2_RAY_TRACING_SHADER_BIT_KHR,
+             .dstAccessMask = forTables ? VK_ACCESS_2_SHADER_BINDING_TABLE_READ_BIT_KHR : VK_ACCESS_2_SHADER_READ_BIT});
+        const auto one = vkInit<VkBufferMemoryBarrier2>({.srcStageMask = all.srcStageMask,
+                                                         .srcAccessMask = all.srcAccessMask,
+                                                         .dstStageMask = all.dstStageMask,
+                                                         .dstAccessMask = all.dstAccessMask,
+                                                         .srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
+                                                         .dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
+                                                         .buffer = copy_->handle(),
+                                                         .size = VK_WHOLE_SIZE});
         const auto dependency =
-            vkInit<VkDependencyInfo>({.bufferMemoryBarrierCount = 1, .pBufferMemoryBarriers = &written});
+            ofMemory ? vkInit<VkDependencyInfo>({.memoryBarrierCount = 1, .pMemoryBarriers = &all})
+                     : vkInit<VkDependencyInfo>({.bufferMemoryBarrierCount = 1, .pBufferMemoryBarriers = &one});
         if (gpu_.hasSynchronization2())
             vkCmdPipelineBarrier2(commands, &dependency);
         else

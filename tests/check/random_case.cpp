@@ -77,6 +77,7 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .twice = yes(),
                .signedFlags = yes(),
                .tablesInPlace = yes(),
+               .tableBarrier = below(random, 4),
                .dynamicStackSize = yes(),
                .from = static_cast<TracePlan::From>(below(random, 3)),
                .flags2 = yes(),

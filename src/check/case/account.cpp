@@ -563,7 +563,11 @@ void Account::writeTracePlan()
         writePipeline(pipeline);
     }
     if (trace.tablesInPlace)
-        line("Each binding table of a pipeline is written over the one before, by the command buffer that traces.");
+        line("Each binding table of a pipeline is written over the one before, by the command buffer that traces. The "
+             "barrier is {} for {}.",
+             (trace.tableBarrier & kBarrierOfMemory) != 0 ? "of all memory," : "of its buffer,",
+             (trace.tableBarrier & kBarrierForTables) != 0 ? "VK_ACCESS_2_SHADER_BINDING_TABLE_READ_BIT_KHR"
+                                                           : "VK_ACCESS_2_SHADER_READ_BIT");
     if (trace.firstDestroyed)
         line("Then the first pipeline is destroyed, and the others trace again.");
 }

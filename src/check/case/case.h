@@ -233,6 +233,7 @@ struct TracePlan {
     PipelinePlan pipeline;
     std::vector<PipelinePlan> otherPipelines; // alive at the same time; their traces follow in the command buffer
     bool tablesInPlace = false; // each table of a pipeline overwrites the one before it, with the same command buffer
+    uint32_t tableBarrier = 0;  // tablesInPlace: bits of TableBarrier
     // The first pipeline is destroyed afterwards, and the others trace again.
     bool firstDestroyed = false;
     bool dynamicStackSize = false;

@@ -267,6 +267,7 @@ void ofTrace(Archive &archive, T &trace)
     archive.object("pipeline", trace.pipeline, [](auto &a, auto &pipeline) { ofPipeline(a, pipeline); });
     archive.list("otherPipelines", trace.otherPipelines, [](auto &a, auto &pipeline) { ofPipeline(a, pipeline); });
     archive.value("tablesInPlace", trace.tablesInPlace, standard.tablesInPlace);
+    archive.bits("tableBarrier", trace.tableBarrier, kTableBarrierNames);
     archive.value("firstDestroyed", trace.firstDestroyed, standard.firstDestroyed);
     archive.value("dynamicStackSize", trace.dynamicStackSize, standard.dynamicStackSize);
     archive.name("from", trace.from, kFromNames, standard.from);

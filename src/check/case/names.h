@@ -189,6 +189,10 @@ inline constexpr std::array kCreationNames{
     Bit{kCreateCached, "cached"},
     Bit{kCreateSeveral, "several"},
 };
+inline constexpr std::array kTableBarrierNames{
+    Bit{kBarrierForTables, "tables"},
+    Bit{kBarrierOfMemory, "memory"},
+};
 inline constexpr std::array kAttributeNames{
     Name<HitAttributes>{HitAttributes::Vec2, "vec2"},
     Name<HitAttributes>{HitAttributes::Scalars, "scalars"},

@@ -273,7 +273,7 @@ private:
         const std::vector<Buffer> copies = buffersForTables(traces, tracers);
         for (size_t k = 0; k < traces.size(); ++k)
             tracers[k]->prepare(top, rays, oracle::kCapacity,
-                                plan_.tablesInPlace ? &copies[traces[k].pipeline] : nullptr);
+                                plan_.tablesInPlace ? &copies[traces[k].pipeline] : nullptr, plan_.tableBarrier);
         run(std::span<PipelineTracer *const>(tracers), beside);
         const oracle::Tolerance tolerance = oracle::toleranceFor(gpu_);
         for (size_t k = 0; k < traces.size(); ++k) {
@@ -329,6 +329,7 @@ std::vector<std::string> traceFaults(Device &gpu, const Structure &top, const Sc
     pipelines.maintenance6 = pipelines.secondary = pipelines.twice = pipelines.rebound = false;
     pipelines.launch = {};
     pipelines.firstDestroyed = pipelines.tablesInPlace = false;
+    pipelines.tableBarrier = 0;
     const auto withoutTables = [](PipelinePlan &pipeline) {
         pipeline.table = {};
         pipeline.otherTables.clear();

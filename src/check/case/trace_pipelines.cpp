@@ -153,6 +153,9 @@ std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
     }
     if (plan.flags2 && !has(gpu, "VK_KHR_maintenance5", missing))
         return missing;
+    if ((plan.tableBarrier & kBarrierForTables) != 0 &&
+        !has(gpu, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME, missing))
+        return missing;
     if (!hasLaunch(gpu, plan.launch.command, missing))
         return missing;
     if (plan.from != TracePlan::From::RayGeneration && gpu.pipelineProperties().maxRayRecursionDepth < 2)

@@ -40,6 +40,15 @@ Case pipelineCase(Random &random, const DeviceLimits &limits, const Limits &scen
     return c;
 }
 
+// Bits of TableBarrier, where tables are written over others.
+uint32_t randomBarrier(Random &random, const TracePlan &trace, const DeviceLimits &limits)
+{
+    if (!trace.tablesInPlace)
+        return 0;
+    const uint32_t forTables = limits.maintenance && chance(random, 60) ? uint32_t{kBarrierForTables} : 0;
+    return forTables | (chance(random, 40) ? uint32_t{kBarrierOfMemory} : 0);
+}
+
 LaunchPlan randomLaunch(Random &random, Launch command = Launch::Direct)
 {
     LaunchPlan launch{.command = command};
@@ -249,6 +258,7 @@ Case bindingTables(Random &random, const DeviceLimits &limits)
         pipeline.table.layout.zeroStride = true;
         pipeline.table.length.reset();
     }
+    c.trace.tableBarrier = randomBarrier(random, c.trace, limits);
     return c;
 }
 
@@ -316,6 +326,7 @@ Case severalPipelines(Random &random, const DeviceLimits &limits)
     c.trace.launch = randomLaunch(random);
     c.trace.dynamicStackSize = chance(random, 20);
     setRecords(random, c);
+    c.trace.tableBarrier = randomBarrier(random, c.trace, limits);
     return c;
 }
 
@@ -363,8 +374,11 @@ constexpr std::array kPipelinesGroups{
           "OpTraceRayKHR: Ray Flags, SBT Offset, SBT Stride, Miss Index; IncomingRayFlagsKHR", 150,
           runGroup<pipelineRayFlags>, 50},
     Group{"several-pipelines",
-          "two or three pipelines with several tables in one command buffer, of which the first is destroyed",
-          "vkCmdBindPipeline; vkCmdTraceRaysKHR; vkDestroyPipeline", 80, runGroup<severalPipelines>, 20},
+          "two or three pipelines with several tables in one command buffer, of which the first is destroyed; tables "
+          "that are written between traces, with barriers of their buffer or of all memory",
+          "vkCmdBindPipeline; vkCmdTraceRaysKHR; vkDestroyPipeline; VK_ACCESS_2_SHADER_READ_BIT, "
+          "VK_ACCESS_2_SHADER_BINDING_TABLE_READ_BIT_KHR",
+          80, runGroup<severalPipelines>, 20},
     Group{"indirect-traces", "pipelines whose rays are traced by indirect commands, with hit tables of several strides",
           "vkCmdTraceRaysIndirectKHR, vkCmdTraceRaysIndirect2KHR; VkTraceRaysIndirectCommand2KHR; Hit Shader Table",
           120, runGroup<indirectTraces>, 24},
