@@ -71,12 +71,9 @@ PipelineInfo::PipelineInfo(Device &gpu, const PipelineSetup &setup) : gpu_(gpu),
                                                        .maxPipelineRayRecursionDepth = setup.recursion,
                                                        .layout = setup.layout,
                                                        .basePipelineIndex = -1});
-    if (setup.flags2) {
-        flags2_ = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = setup.flags});
-        info_.pNext = &flags2_;
-    } else {
+    if (!setup.flags2)
         info_.flags = setup.flags;
-    }
+    chainInfos(setup);
     if (!libraries_.empty() || (setup.flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0) {
         interface_ = vkInit<VkRayTracingPipelineInterfaceCreateInfoKHR>(
             {.maxPipelineRayPayloadSize = setup.payloadSize, .maxPipelineRayHitAttributeSize = setup.attributeSize});
@@ -92,6 +89,33 @@ PipelineInfo::PipelineInfo(Device &gpu, const PipelineSetup &setup) : gpu_(gpu),
         dynamic_ = vkInit<VkPipelineDynamicStateCreateInfo>({.dynamicStateCount = 1, .pDynamicStates = states_.data()});
         info_.pDynamicState = &dynamic_;
     }
+}
+
+void PipelineInfo::chainInfos(const PipelineSetup &setup)
+{
+    const void **tail = &info_.pNext;
+    const auto chain = [&tail](auto &info) {
+        *tail = &info;
+        tail = &info.pNext;
+    };
+    const bool flagsFirst = (setup.chained & kChainFlagsFirst) != 0;
+    flags2_ = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = setup.flags});
+    if (setup.flags2 && flagsFirst)
+        chain(flags2_);
+    if ((setup.chained & kChainFeedback) != 0) {
+        feedbackOfStages_.resize(stages_.size());
+        feedbackInfo_ = vkInit<VkPipelineCreationFeedbackCreateInfo>(
+            {.pPipelineCreationFeedback = &feedback_,
+             .pipelineStageCreationFeedbackCount = static_cast<uint32_t>(stages_.size()),
+             .pPipelineStageCreationFeedbacks = feedbackOfStages_.data()});
+        chain(feedbackInfo_);
+    }
+    if ((setup.chained & kChainRobustness) != 0) {
+        robustness_ = vkInit<VkPipelineRobustnessCreateInfoEXT>();
+        chain(robustness_);
+    }
+    if (setup.flags2 && !flagsFirst)
+        chain(flags2_);
 }
 
 PipelineInfo::~PipelineInfo()
@@ -116,6 +140,8 @@ void PipelineInfo::scribble()
     std::memset(static_cast<void *>(&libraryInfo_), 0x5a, sizeof libraryInfo_);
     std::memset(static_cast<void *>(&dynamic_), 0x5a, sizeof dynamic_);
     std::memset(static_cast<void *>(&flags2_), 0x5a, sizeof flags2_);
+    std::memset(static_cast<void *>(&feedbackInfo_), 0x5a, sizeof feedbackInfo_);
+    std::memset(static_cast<void *>(&robustness_), 0x5a, sizeof robustness_);
 }
 
 RayPipeline::RayPipeline(Device &gpu, const PipelineSetup &setup) : gpu_(&gpu)

@@ -36,12 +36,20 @@ enum PipelineCreation : uint32_t {
     kCreateSeveral = 4,  // by a command that creates others with fewer groups and, without libraries, other flags
 };
 
+// Structures in the pNext chain of the create info, where the device has their extensions.
+enum ChainedInfo : uint32_t {
+    kChainFeedback = 1,   // VkPipelineCreationFeedbackCreateInfo, with feedback of each stage
+    kChainRobustness = 2, // VkPipelineRobustnessCreateInfoEXT
+    kChainFlagsFirst = 4, // VkPipelineCreateFlags2CreateInfo is before these, else behind them
+};
+
 struct PipelineSetup {
     std::vector<PipelineStage> stages;
     std::vector<PipelineGroup> groups;
     VkPipelineLayout layout = VK_NULL_HANDLE;
     VkPipelineCreateFlags flags = 0;
-    bool flags2 = false; // the flags come in VkPipelineCreateFlags2CreateInfo
+    bool flags2 = false;  // the flags come in VkPipelineCreateFlags2CreateInfo
+    uint32_t chained = 0; // bits of ChainedInfo
     uint32_t recursion = 1;
     std::vector<VkPipeline> libraries;
     uint32_t payloadSize = 96;
@@ -65,6 +73,8 @@ public:
     void scribble();
 
 private:
+    void chainInfos(const PipelineSetup &setup);
+
     Device &gpu_;
     std::vector<std::vector<uint32_t>> words_;
     std::vector<VkShaderModuleCreateInfo> inlined_;
@@ -78,6 +88,10 @@ private:
     VkRayTracingPipelineInterfaceCreateInfoKHR interface_{};
     VkPipelineDynamicStateCreateInfo dynamic_{};
     VkPipelineCreateFlags2CreateInfoKHR flags2_{};
+    VkPipelineCreationFeedback feedback_{};
+    std::vector<VkPipelineCreationFeedback> feedbackOfStages_;
+    VkPipelineCreationFeedbackCreateInfo feedbackInfo_{};
+    VkPipelineRobustnessCreateInfoEXT robustness_{};
     VkRayTracingPipelineCreateInfoKHR info_{};
 };
 

@@ -149,6 +149,7 @@ MadePipeline makePipeline(Device &gpu, VkPipelineLayout layout, const PipelineTr
             group.anyHit = group.closestHit == kDecoys ? kDecoys + 1 : 3;
     }
     pipeline.flags2 = setup.flags2;
+    pipeline.chained = setup.chained;
     pipeline.creation = setup.creation;
     pipeline.dynamicStackSize = setup.dynamicStackSize;
     if (setup.make)

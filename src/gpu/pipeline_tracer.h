@@ -91,6 +91,7 @@ struct PipelineTracerSetup {
     bool missRecord = true;
     std::optional<VkPipelineCreateFlags> flags; // else the micromap bit, where the device has micromaps enabled
     bool flags2 = false;
+    uint32_t chained = 0; // bits of ChainedInfo
     bool inlineModules = false;
     bool dynamicStackSize = false;
     bool unusedStage = false; // a stage that no group uses

@@ -81,6 +81,7 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .dynamicStackSize = yes(),
                .from = static_cast<TracePlan::From>(below(random, 3)),
                .flags2 = yes(),
+               .chained = below(random, 8),
                .unusedStage = yes(),
                .launch = {.command = static_cast<Launch>(below(random, 3)), .height = 1 + below(random, 3)},
                .attributes = static_cast<HitAttributes>(below(random, 4)),

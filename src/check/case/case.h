@@ -239,6 +239,7 @@ struct TracePlan {
     bool dynamicStackSize = false;
     From from = From::RayGeneration;
     bool flags2 = false;      // VkPipelineCreateFlags2CreateInfo
+    uint32_t chained = 0;     // bits of ChainedInfo
     bool unusedStage = false; // a stage that no group uses
     LaunchPlan launch;        // Query: without height and depth
     HitAttributes attributes = HitAttributes::Vec2;

@@ -272,6 +272,7 @@ void ofTrace(Archive &archive, T &trace)
     archive.value("dynamicStackSize", trace.dynamicStackSize, standard.dynamicStackSize);
     archive.name("from", trace.from, kFromNames, standard.from);
     archive.value("flags2", trace.flags2, standard.flags2);
+    archive.bits("chained", trace.chained, kChainedNames);
     archive.value("unusedStage", trace.unusedStage, standard.unusedStage);
     archive.name("launch", trace.launch.command, kLaunchNames, standard.launch.command);
     archive.value("height", trace.launch.height, standard.launch.height);

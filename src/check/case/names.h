@@ -189,6 +189,11 @@ inline constexpr std::array kCreationNames{
     Bit{kCreateCached, "cached"},
     Bit{kCreateSeveral, "several"},
 };
+inline constexpr std::array kChainedNames{
+    Bit{kChainFeedback, "feedback"},
+    Bit{kChainRobustness, "robustness"},
+    Bit{kChainFlagsFirst, "flags-first"},
+};
 inline constexpr std::array kTableBarrierNames{
     Bit{kBarrierForTables, "tables"},
     Bit{kBarrierOfMemory, "memory"},

@@ -153,6 +153,10 @@ std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
     }
     if (plan.flags2 && !has(gpu, "VK_KHR_maintenance5", missing))
         return missing;
+    if ((plan.chained & kChainFeedback) != 0 && !has(gpu, VK_EXT_PIPELINE_CREATION_FEEDBACK_EXTENSION_NAME, missing))
+        return missing;
+    if ((plan.chained & kChainRobustness) != 0 && !has(gpu, VK_EXT_PIPELINE_ROBUSTNESS_EXTENSION_NAME, missing))
+        return missing;
     if ((plan.tableBarrier & kBarrierForTables) != 0 &&
         !has(gpu, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME, missing))
         return missing;
@@ -212,6 +216,7 @@ std::unique_ptr<PipelineTracer> pipelineTracer(Device &gpu, const TracePlan &pla
         .sbtStride = parameters.recordStride,
         .missIndex = parameters.missIndex,
         .flags2 = plan.flags2,
+        .chained = plan.chained,
         .inlineModules = plan.inlineModules,
         .dynamicStackSize = plan.dynamicStackSize,
         .unusedStage = plan.unusedStage,

@@ -567,6 +567,7 @@ void checkTrace(const Case &c)
              trace.launch.offset <= 1000,
          "trace.launch", "height and depth are not 1 to 64, or the offset is too large");
     rule((trace.creation & ~allOf(kCreationNames)) == 0, "trace.creation", "no such way");
+    rule((trace.chained & ~allOf(kChainedNames)) == 0, "trace.chained", "no such structure");
     rule((trace.tableBarrier & ~allOf(kTableBarrierNames)) == 0, "trace.tableBarrier", "no such barrier");
     rule(!trace.secondary || traced || trace.stage == VK_SHADER_STAGE_COMPUTE_BIT, "trace.secondary",
          "is within a render pass");

@@ -63,6 +63,15 @@ uint32_t randomCreation(Random &random)
     return chance(random, 25) ? 1 + below(random, kCreateDeferred | kCreateCached | kCreateSeveral) : 0;
 }
 
+// Other structures in the pNext chains of pipelines, before or behind that of the flags.
+void chainInfos(Random &random, TracePlan &trace, const DeviceLimits &limits)
+{
+    if (!chance(random, 50))
+        return;
+    trace.chained = below(random, allOf(kChainedNames) + 1) & limits.chained;
+    trace.flags2 |= chance(random, 40);
+}
+
 HitAttributes randomAttributes(Random &random)
 {
     return chance(random, 65) ? HitAttributes::Vec2 : static_cast<HitAttributes>(1 + below(random, 3));
@@ -193,6 +202,7 @@ Case pipelineLibraries(Random &random, const DeviceLimits &limits)
         c.trace.pipeline.flags = randomFlags(random, c, false);
     c.trace.pipeline.table = randomTable(random, c.trace.pipeline);
     c.trace.pipeline.parts = randomParts(random, c.trace, limits);
+    chainInfos(random, c.trace, limits);
     return c;
 }
 
@@ -215,6 +225,7 @@ Case pipelinePlans(Random &random, const DeviceLimits &limits)
     c.trace.withoutMicromaps = !scene.micromaps && chance(random, 70);
     c.trace.pipeline.flags = randomFlags(random, c, true);
     c.trace.pipeline.table = randomTable(random, c.trace.pipeline);
+    chainInfos(random, c.trace, limits);
     return c;
 }
 
@@ -349,8 +360,10 @@ constexpr std::array kPipelinesGroups{
     Group{"pipeline-plans",
           "ray tracing pipelines with inline modules, stack sizes, recursion, callable shaders, hit attributes of "
           "several types and create flags, which "
-          "skip triangles or promise shaders; created by deferred operations, with caches, several at once",
-          "vkCreateRayTracingPipelinesKHR; VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_KHR, "
+          "skip triangles or promise shaders, in the create info or in a structure of its own; created by deferred "
+          "operations, with caches, several at once, with feedback and robustness",
+          "vkCreateRayTracingPipelinesKHR; VkPipelineCreateFlags2CreateInfo, VkPipelineCreationFeedbackCreateInfo, "
+          "VkPipelineRobustnessCreateInfo: pNext; VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_KHR, "
           "..._SKIP_TRIANGLES_BIT_KHR, ..._SKIP_AABBS_BIT_KHR, ..._NO_NULL_..._SHADERS_BIT_KHR; "
           "IncomingRayFlagsKHR: \"Setting pipeline flags on the ray tracing pipeline must not cause any corresponding "
           "flags to be set\"",

@@ -456,6 +456,7 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.trace.inlineModules = false; },
         [](Case &c) { c.trace.from = TracePlan::From::RayGeneration; },
         [](Case &c) { c.trace.flags2 = false; },
+        [](Case &c) { c.trace.chained = 0; },
         [](Case &c) { c.trace.withoutMicromaps = false; },
         [](Case &c) { c.trace.dynamicStackSize = false; },
     };
