@@ -44,7 +44,8 @@ struct NewerExtension {
     const char *name;
     uint32_t features; // VkStructureType
 };
-constexpr std::array<NewerExtension, 9> kNewerExtensions{{
+constexpr std::array<NewerExtension, 10> kNewerExtensions{{
+    {"VK_EXT_pipeline_robustness", VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PIPELINE_ROBUSTNESS_FEATURES_EXT},
     {"VK_KHR_maintenance5", 1000470000},
     {"VK_EXT_descriptor_buffer", VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DESCRIPTOR_BUFFER_FEATURES_EXT},
     {"VK_EXT_device_generated_commands", 1000572000},

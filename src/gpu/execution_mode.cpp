@@ -3,6 +3,7 @@
 
 #include <cstring>
 #include <map>
+#include <set>
 #include <stdexcept>
 
 namespace vellum::gpu
@@ -14,9 +15,17 @@ namespace
 constexpr size_t kHeader = 5; // words before the first instruction
 constexpr uint32_t kSource = 3, kExtension = 10, kEntryPoint = 15, kExecutionMode = 16, kCapability = 17,
                    kTypeVoid = 19, kTypeBool = 20, kTypeInt = 21, kTrue = 41, kFalse = 42, kConstant = 43,
-                   kSpecFalse = 49, kSpecConstant = 50, kFunction = 54, kFunctionEnd = 56, kFunctionCall = 57,
-                   kDecorate = 71, kBitcast = 124, kLabel = 248, kReturn = 253, kExecutionModeId = 331;
+                   kSpecFalse = 49, kSpecConstant = 50, kSpecOperation = 52, kFunction = 54, kFunctionEnd = 56,
+                   kFunctionCall = 57, kDecorate = 71, kBitcast = 124, kLogicalAnd = 167, kLogicalNot = 168,
+                   kSelect = 169, kEqual = 170, kLabel = 248, kReturn = 253, kExecutionModeId = 331;
 constexpr uint32_t kSpecId = 1; // a decoration
+
+// The word of the ray flags in an instruction; 0: it has none.
+uint32_t flagsOf(uint32_t opcode)
+{
+    constexpr uint32_t kTraceRay = 4445, kInitialize = 4473;
+    return opcode == kTraceRay ? 2 : opcode == kInitialize ? 3 : 0;
+}
 
 // OpExtension
 template <size_t kSize>
@@ -35,9 +44,13 @@ std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint3
     std::vector<uint32_t> out(words.begin(), words.begin() + kHeader);
     if (mode == Mode::Absent)
         return {words.begin(), words.end()};
+    const bool computed = mode == Mode::Computed;
     const uint32_t constant = out[3]++;
+    // Of the computation.
+    const uint32_t one = computed ? out[3]++ : constant, other = computed ? out[3]++ : 0,
+                   inverse = computed ? out[3]++ : 0;
     uint32_t function = 0;
-    bool begun = false, decorated = mode != Mode::Specialized;
+    bool begun = false, decorated = mode != Mode::Specialized && !computed;
     const auto put = [&out](uint32_t opcode, std::initializer_list<uint32_t> operands) {
         out.push_back(static_cast<uint32_t>(operands.size() + 1) << 16 | opcode);
         out.insert(out.end(), operands);
@@ -57,13 +70,22 @@ std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint3
             begun = true;
         }
         if (opcode == kTypeVoid && !decorated) {
-            put(kDecorate, {constant, kSpecId, specId});
+            put(kDecorate, {one, kSpecId, specId});
+            if (computed)
+                put(kDecorate, {other, kSpecId, specId + 1});
             decorated = true;
         }
         out.insert(out.end(), words.begin() + static_cast<ptrdiff_t>(at),
                    words.begin() + static_cast<ptrdiff_t>(at + (words[at] >> 16)));
-        if (opcode == kTypeBool)
-            put(mode == Mode::True ? kTrue : mode == Mode::False ? kFalse : kSpecFalse, {words[at + 1], constant});
+        if (opcode != kTypeBool)
+            continue;
+        const uint32_t type = words[at + 1];
+        put(mode == Mode::True ? kTrue : mode == Mode::False ? kFalse : kSpecFalse, {type, one});
+        if (computed) {
+            put(kSpecFalse, {type, other});
+            put(kSpecOperation, {type, inverse, kLogicalNot, other});
+            put(kSpecOperation, {type, constant, kLogicalAnd, one, inverse});
+        }
     }
     if (!begun || !decorated)
         throw std::runtime_error("a module that the execution mode cannot be put into");
@@ -178,9 +200,6 @@ std::vector<uint32_t> withLiteral(std::span<const uint32_t> words, uint32_t spec
 
 std::vector<uint32_t> withSignedFlags(std::span<const uint32_t> words)
 {
-    constexpr uint32_t kTraceRay = 4445, kInitialize = 4473;
-    // The word of the ray flags in such an instruction; 0: it has none.
-    const auto flagsOf = [](uint32_t opcode) { return opcode == kTraceRay ? 2u : opcode == kInitialize ? 3u : 0u; };
     uint32_t type = 0;
     std::map<uint32_t, uint32_t> values;         // of ordinary constants of 32 bits
     std::map<uint32_t, uint32_t> signedConstant; // the constants that are flags
@@ -214,6 +233,46 @@ std::vector<uint32_t> withSignedFlags(std::span<const uint32_t> words)
             if (constant == signedConstant.end())
                 out.insert(out.end(), {4u << 16 | kBitcast, type, out[3], in[place]});
             in[place] = constant == signedConstant.end() ? out[3]++ : constant->second;
+        }
+        out.insert(out.end(), in.begin(), in.end());
+    }
+    return out;
+}
+
+std::vector<uint32_t> withSelectedFlags(std::span<const uint32_t> words, uint32_t first, uint32_t second)
+{
+    std::vector<uint32_t> out(words.begin(), words.begin() + kHeader);
+    const uint32_t constants = out[3];
+    out[3] += 2;
+    uint32_t boolean = 0, type = 0;
+    std::set<uint32_t> known; // ids of ordinary constants
+    bool declared = false;
+    const auto put = [&out](uint32_t opcode, std::initializer_list<uint32_t> operands) {
+        out.push_back(static_cast<uint32_t>(operands.size() + 1) << 16 | opcode);
+        out.insert(out.end(), operands);
+    };
+    for (size_t at = kHeader; at < words.size(); at += words[at] >> 16) {
+        std::vector<uint32_t> in(words.begin() + static_cast<ptrdiff_t>(at),
+                                 words.begin() + static_cast<ptrdiff_t>(at + (words[at] >> 16)));
+        const uint32_t opcode = in[0] & 0xffff;
+        if (opcode == kTypeBool)
+            boolean = in[1];
+        else if (opcode == kTypeInt && in[2] == 32 && in[3] == 0)
+            type = in[1];
+        else if (opcode == kConstant)
+            known.insert(in[2]);
+        if (opcode == kFunction && !declared) {
+            if (boolean == 0 || type == 0)
+                throw std::runtime_error("a module without the types that a selection needs");
+            put(kConstant, {type, constants, first});
+            put(kConstant, {type, constants + 1, second});
+            declared = true;
+        }
+        if (const uint32_t place = flagsOf(opcode); place != 0 && !known.contains(in[place])) {
+            const uint32_t equal = out[3]++, selected = out[3]++;
+            put(kEqual, {boolean, equal, in[place], constants});
+            put(kSelect, {type, selected, equal, constants, constants + 1});
+            in[place] = selected;
         }
         out.insert(out.end(), in.begin(), in.end());
     }

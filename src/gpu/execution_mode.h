@@ -10,10 +10,11 @@
 namespace vellum::gpu
 {
 
-enum class Mode { Absent, False, True, Specialized };
+enum class Mode { Absent, False, True, Specialized, Computed };
 
-// The module with the execution mode; Specialized: by the constant with that id, which is false. It must have one entry
-// point, a bool type and debug names.
+// The module with the execution mode; Specialized: by the constant with that id, which is false; Computed: where that
+// constant is true and that with the next id is not, both of which are false. It must have one entry point, a bool type
+// and debug names.
 std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint32_t specId = 0);
 
 // Another entry point of a module, which is not used. Empty: it does nothing. Shared: both entry points call the same
@@ -36,5 +37,9 @@ std::vector<uint32_t> withLiteral(std::span<const uint32_t> words, uint32_t spec
 // Ray flags of ray queries and traced rays are signed integers, which SPIR-V allows and compilers of GLSL never write:
 // constants of such a type, or a bitcast. The module must have that type.
 std::vector<uint32_t> withSignedFlags(std::span<const uint32_t> words);
+
+// Ray flags that are no constants are the result of an OpSelect of two constants instead: `first` where they equal it,
+// else `second`. The module must have a bool type and flags that are unsigned.
+std::vector<uint32_t> withSelectedFlags(std::span<const uint32_t> words, uint32_t first, uint32_t second);
 
 } // namespace vellum::gpu

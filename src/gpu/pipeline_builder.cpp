@@ -71,12 +71,9 @@ PipelineInfo::PipelineInfo(Device &gpu, const PipelineSetup &setup) : gpu_(gpu),
                                                        .maxPipelineRayRecursionDepth = setup.recursion,
                                                        .layout = setup.layout,
                                                        .basePipelineIndex = -1});
-    if (setup.flags2) {
-        flags2_ = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = setup.flags});
-        info_.pNext = &flags2_;
-    } else {
+    if (!setup.flags2)
         info_.flags = setup.flags;
-    }
+    chainInfos(setup);
     if (!libraries_.empty() || (setup.flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0) {
         interface_ = vkInit<VkRayTracingPipelineInterfaceCreateInfoKHR>(
             {.maxPipelineRayPayloadSize = setup.payloadSize, .maxPipelineRayHitAttributeSize = setup.attributeSize});
@@ -92,6 +89,33 @@ PipelineInfo::PipelineInfo(Device &gpu, const PipelineSetup &setup) : gpu_(gpu),
         dynamic_ = vkInit<VkPipelineDynamicStateCreateInfo>({.dynamicStateCount = 1, .pDynamicStates = states_.data()});
         info_.pDynamicState = &dynamic_;
     }
+}
+
+void PipelineInfo::chainInfos(const PipelineSetup &setup)
+{
+    const void **tail = &info_.pNext;
+    const auto chain = [&tail](auto &info) {
+        *tail = &info;
+        tail = &info.pNext;
+    };
+    const bool flagsFirst = (setup.chained & kChainFlagsFirst) != 0;
+    flags2_ = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = setup.flags});
+    if (setup.flags2 && flagsFirst)
+        chain(flags2_);
+    if ((setup.chained & kChainFeedback) != 0) {
+        feedbackOfStages_.resize(stages_.size());
+        feedbackInfo_ = vkInit<VkPipelineCreationFeedbackCreateInfo>(
+            {.pPipelineCreationFeedback = &feedback_,
+             .pipelineStageCreationFeedbackCount = static_cast<uint32_t>(stages_.size()),
+             .pPipelineStageCreationFeedbacks = feedbackOfStages_.data()});
+        chain(feedbackInfo_);
+    }
+    if ((setup.chained & kChainRobustness) != 0) {
+        robustness_ = vkInit<VkPipelineRobustnessCreateInfoEXT>();
+        chain(robustness_);
+    }
+    if (setup.flags2 && !flagsFirst)
+        chain(flags2_);
 }
 
 PipelineInfo::~PipelineInfo()
@@ -116,6 +140,8 @@ void PipelineInfo::scribble()
     std::memset(static_cast<void *>(&libraryInfo_), 0x5a, sizeof libraryInfo_);
     std::memset(static_cast<void *>(&dynamic_), 0x5a, sizeof dynamic_);
     std::memset(static_cast<void *>(&flags2_), 0x5a, sizeof flags2_);
+    std::memset(static_cast<void *>(&feedbackInfo_), 0x5a, sizeof feedbackInfo_);
+    std::memset(static_cast<void *>(&robustness_), 0x5a, sizeof robustness_);
 }
 
 RayPipeline::RayPipeline(Device &gpu, const PipelineSetup &setup) : gpu_(&gpu)
@@ -281,10 +307,11 @@ BindingTable::Regions BindingTable::regions() const
     return all;
 }
 
-void BindingTable::prepare(const LaunchPlan &launch, uint32_t rays, const Buffer *copy)
+void BindingTable::prepare(const LaunchPlan &launch, uint32_t rays, const Buffer *copy, uint32_t barrier)
 {
     launch_ = launch;
     copy_ = copy;
+    barrier_ = barrier;
     const uint32_t rows = launch.height * launch.depth;
     width_ = (rays + rows - 1) / rows;
     if (launch.command != Launch::Indirect2) {
@@ -304,23 +331,28 @@ void BindingTable::trace(VkCommandBuffer commands) const
 {
     if (copy_ != nullptr) {
         const VkDeviceSize from = startOf(buffer_, alignment_), to = startOf(*copy_, alignment_);
-        const VkBufferCopy all{from, to, buffer_.size() - alignment_};
+        const VkBufferCopy whole{from, to, buffer_.size() - alignment_};
         // The traces before have read what is overwritten.
         vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_RAY_TRACING_SHADER_BIT_KHR, VK_PIPELINE_STAGE_TRANSFER_BIT, 0,
                              0, nullptr, 0, nullptr, 0, nullptr);
-        vkCmdCopyBuffer(commands, buffer_.handle(), copy_->handle(), 1, &all);
-        // Of this buffer alone, where that can be said.
-        const auto written =
-            vkInit<VkBufferMemoryBarrier2>({.srcStageMask = VK_PIPELINE_STAGE_2_TRANSFER_BIT,
-                                            .srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT,
-                                            .dstStageMask = VK_PIPELINE_STAGE_2_RAY_TRACING_SHADER_BIT_KHR,
-                                            .dstAccessMask = VK_ACCESS_2_SHADER_READ_BIT,
-                                            .srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
-                                            .dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
-                                            .buffer = copy_->handle(),
-                                            .size = VK_WHOLE_SIZE});
+        vkCmdCopyBuffer(commands, buffer_.handle(), copy_->handle(), 1, &whole);
+        const bool forTables = (barrier_ & kBarrierForTables) != 0, ofMemory = (barrier_ & kBarrierOfMemory) != 0;
+        const auto all = vkInit<VkMemoryBarrier2>(
+            {.srcStageMask = VK_PIPELINE_STAGE_2_TRANSFER_BIT,
+             .srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT,
+             .dstStageMask = VK_PIPELINE_STAGE_2_RAY_TRACING_SHADER_BIT_KHR,
+             .dstAccessMask = forTables ? VK_ACCESS_2_SHADER_BINDING_TABLE_READ_BIT_KHR : VK_ACCESS_2_SHADER_READ_BIT});
+        const auto one = vkInit<VkBufferMemoryBarrier2>({.srcStageMask = all.srcStageMask,
+                                                         .srcAccessMask = all.srcAccessMask,
+                                                         .dstStageMask = all.dstStageMask,
+                                                         .dstAccessMask = all.dstAccessMask,
+                                                         .srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
+                                                         .dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
+                                                         .buffer = copy_->handle(),
+                                                         .size = VK_WHOLE_SIZE});
         const auto dependency =
-            vkInit<VkDependencyInfo>({.bufferMemoryBarrierCount = 1, .pBufferMemoryBarriers = &written});
+            ofMemory ? vkInit<VkDependencyInfo>({.memoryBarrierCount = 1, .pMemoryBarriers = &all})
+                     : vkInit<VkDependencyInfo>({.bufferMemoryBarrierCount = 1, .pBufferMemoryBarriers = &one});
         if (gpu_.hasSynchronization2())
             vkCmdPipelineBarrier2(commands, &dependency);
         else

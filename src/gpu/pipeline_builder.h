@@ -36,12 +36,20 @@ enum PipelineCreation : uint32_t {
     kCreateSeveral = 4,  // by a command that creates others with fewer groups and, without libraries, other flags
 };
 
+// Structures in the pNext chain of the create info, where the device has their extensions.
+enum ChainedInfo : uint32_t {
+    kChainFeedback = 1,   // VkPipelineCreationFeedbackCreateInfo, with feedback of each stage
+    kChainRobustness = 2, // VkPipelineRobustnessCreateInfoEXT
+    kChainFlagsFirst = 4, // VkPipelineCreateFlags2CreateInfo is before these, else behind them
+};
+
 struct PipelineSetup {
     std::vector<PipelineStage> stages;
     std::vector<PipelineGroup> groups;
     VkPipelineLayout layout = VK_NULL_HANDLE;
     VkPipelineCreateFlags flags = 0;
-    bool flags2 = false; // the flags come in VkPipelineCreateFlags2CreateInfo
+    bool flags2 = false;  // the flags come in VkPipelineCreateFlags2CreateInfo
+    uint32_t chained = 0; // bits of ChainedInfo
     uint32_t recursion = 1;
     std::vector<VkPipeline> libraries;
     uint32_t payloadSize = 96;
@@ -65,6 +73,8 @@ public:
     void scribble();
 
 private:
+    void chainInfos(const PipelineSetup &setup);
+
     Device &gpu_;
     std::vector<std::vector<uint32_t>> words_;
     std::vector<VkShaderModuleCreateInfo> inlined_;
@@ -78,6 +88,10 @@ private:
     VkRayTracingPipelineInterfaceCreateInfoKHR interface_{};
     VkPipelineDynamicStateCreateInfo dynamic_{};
     VkPipelineCreateFlags2CreateInfoKHR flags2_{};
+    VkPipelineCreationFeedback feedback_{};
+    std::vector<VkPipelineCreationFeedback> feedbackOfStages_;
+    VkPipelineCreationFeedbackCreateInfo feedbackInfo_{};
+    VkPipelineRobustnessCreateInfoEXT robustness_{};
     VkRayTracingPipelineCreateInfoKHR info_{};
 };
 
@@ -125,14 +139,21 @@ struct BindingRecords {
     TableLayout layout{};
 };
 
+// The barrier between the writes of a table and the trace that reads it; else one of the table's buffer, for
+// VK_ACCESS_2_SHADER_READ_BIT.
+enum TableBarrier : uint32_t {
+    kBarrierForTables = 1, // for VK_ACCESS_2_SHADER_BINDING_TABLE_READ_BIT_KHR alone, where the device has it
+    kBarrierOfMemory = 2,  // of all memory
+};
+
 class BindingTable
 {
 public:
     BindingTable(Device &gpu, const RayPipeline &pipeline, const BindingRecords &records);
     void trace(VkCommandBuffer commands, uint32_t width, uint32_t height = 1, uint32_t depth = 1) const;
     // Prepares a trace of at least that many rays. copy: a buffer (bufferForCopies) to which the trace copies the table
-    // first, and with which it traces; it exists until the trace is recorded.
-    void prepare(const LaunchPlan &launch, uint32_t rays, const Buffer *copy = nullptr);
+    // first, and with which it traces; it exists until the trace is recorded. barrier: bits of TableBarrier
+    void prepare(const LaunchPlan &launch, uint32_t rays, const Buffer *copy = nullptr, uint32_t barrier = 0);
     void trace(VkCommandBuffer commands) const;
     // A buffer for copies of tables of at most that many bytes().
     static Buffer bufferForCopies(Device &gpu, VkDeviceSize bytes);
@@ -151,6 +172,7 @@ private:
     VkDeviceSize alignment_ = 0; // of the buffer's content
     Buffer buffer_;
     const Buffer *copy_ = nullptr;
+    uint32_t barrier_ = 0;
     LaunchPlan launch_;
     uint32_t width_ = 0;
     IndirectCommand command_;

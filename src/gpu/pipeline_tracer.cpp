@@ -149,6 +149,7 @@ MadePipeline makePipeline(Device &gpu, VkPipelineLayout layout, const PipelineTr
             group.anyHit = group.closestHit == kDecoys ? kDecoys + 1 : 3;
     }
     pipeline.flags2 = setup.flags2;
+    pipeline.chained = setup.chained;
     pipeline.creation = setup.creation;
     pipeline.dynamicStackSize = setup.dynamicStackSize;
     if (setup.make)
@@ -249,7 +250,7 @@ uint32_t PipelineTracer::stackSize() const
 }
 
 void PipelineTracer::prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity,
-                             const Buffer *tableCopy)
+                             const Buffer *tableCopy, uint32_t tableBarrier)
 {
     const size_t count = std::max<size_t>(rays.size(), 1);
     rays_ = gpu_.upload(rays, kStorageWithAddress);
@@ -261,7 +262,7 @@ void PipelineTracer::prepare(const Structure &scene, std::span<const Ray> rays, 
     push_.rayCount = static_cast<uint32_t>(rays.size());
     push_.capacity = capacity;
     push_.scene = scene.address();
-    table_->prepare(launch_, push_.rayCount, tableCopy);
+    table_->prepare(launch_, push_.rayCount, tableCopy, tableBarrier);
     resources_.write(scene.handle(), buffers());
 }
 

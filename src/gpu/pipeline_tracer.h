@@ -91,6 +91,7 @@ struct PipelineTracerSetup {
     bool missRecord = true;
     std::optional<VkPipelineCreateFlags> flags; // else the micromap bit, where the device has micromaps enabled
     bool flags2 = false;
+    uint32_t chained = 0; // bits of ChainedInfo
     bool inlineModules = false;
     bool dynamicStackSize = false;
     bool unusedStage = false; // a stage that no group uses
@@ -124,9 +125,9 @@ public:
     // Traces with that table from now on.
     void setTable(const TracerTable &table);
 
-    // Traces in steps. tableCopy: BindingTable::prepare
+    // Traces in steps. tableCopy, tableBarrier: BindingTable::prepare
     void prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8,
-                 const Buffer *tableCopy = nullptr);
+                 const Buffer *tableCopy = nullptr, uint32_t tableBarrier = 0);
     // As those of Tracer.
     void bind(VkCommandBuffer commands, bool maintenance6 = false) const;
     void bindProgram(VkCommandBuffer commands) const;

@@ -42,7 +42,7 @@ Tracer::Tracer(Device &gpu, std::span<const uint32_t> words, const TracerSetup &
         {.setLayoutCount = 1, .pSetLayouts = &setLayout_, .pushConstantRangeCount = 1, .pPushConstantRanges = &range});
     CHECK_VK(vkCreatePipelineLayout(device, &layout, nullptr, &layout_));
 
-    std::array<uint32_t, 2> values{};
+    std::array<uint32_t, 3> values{};
     std::vector<VkSpecializationMapEntry> entries;
     if (setup.specializedFlags) {
         values[0] = *setup.specializedFlags;
@@ -51,6 +51,10 @@ Tracer::Tracer(Device &gpu, std::span<const uint32_t> words, const TracerSetup &
     if (setup.specializedMode) {
         values[1] = *setup.specializedMode;
         entries.push_back({kModeConstant, sizeof(uint32_t), sizeof(VkBool32)});
+    }
+    if (setup.specializedOther) {
+        values[2] = *setup.specializedOther;
+        entries.push_back({kModeConstant + 1, 2 * sizeof(uint32_t), sizeof(VkBool32)});
     }
     const VkSpecializationInfo specialization{static_cast<uint32_t>(entries.size()), entries.data(), sizeof values,
                                               values.data()};

@@ -91,9 +91,10 @@ struct TracerSetup {
     std::optional<uint32_t> specializedFlags; // specialization constant 0
     bool inlineModule = false;                // VkShaderModuleCreateInfo in the stage's pNext
     VkShaderStageFlagBits stage = VK_SHADER_STAGE_COMPUTE_BIT;
-    std::optional<VkBool32> specializedMode; // specialization constant kModeConstant
-    bool shaderObject = false;               // compute: VK_EXT_shader_object instead of a pipeline
-    bool vertexBuffers = false;              // vertex: StageShader::vertexBuffers
+    std::optional<VkBool32> specializedMode;  // specialization constant kModeConstant
+    std::optional<VkBool32> specializedOther; // the one behind it: Mode::Computed
+    bool shaderObject = false;                // compute: VK_EXT_shader_object instead of a pipeline
+    bool vertexBuffers = false;               // vertex: StageShader::vertexBuffers
 };
 
 // A pipeline whose shader, of any stage, has the bindings of tracer.glsl.

@@ -18,8 +18,7 @@ Scene sceneFor(const vt::Gpu &gpu, const Plan &plan, Random &random)
 {
     constexpr std::array kFew{vt::kRayNoOpaque, vt::kRayForceTwoState, vt::kRayCullOpaque | vt::kRayForceTwoState};
     const bool queries = plan.method == Plan::Method::Query;
-    const bool without =
-        queries ? plan.mode == Plan::Mode::False || plan.mode == Plan::Mode::SpecializedFalse : plan.withoutMicromaps;
+    const bool without = queries ? !vellum::check::consumesMicromaps(plan) : plan.withoutMicromaps;
     Scene scene = vellum::check::makeScene(
         random, {.micromaps = !without, .maxLevel = 4, .rays = 300, .lossy = gpu.khr()}, vellum::check::limitsOf(gpu));
     for (size_t i = 0; plan.flags != Plan::Flags::RunTime && i < scene.rays.size(); ++i)
@@ -64,9 +63,11 @@ protected:
     }
 };
 
-constexpr std::array kFlags{Plan::Flags::RunTime, Plan::Flags::Specialized, Plan::Flags::Literal};
-constexpr std::array kModes{Plan::Mode::True, Plan::Mode::False, Plan::Mode::SpecializedTrue,
-                            Plan::Mode::SpecializedFalse};
+constexpr std::array kFlags{Plan::Flags::RunTime, Plan::Flags::Specialized, Plan::Flags::Literal,
+                            Plan::Flags::Selected};
+constexpr std::array kModes{
+    Plan::Mode::True,         Plan::Mode::False,        Plan::Mode::SpecializedTrue, Plan::Mode::SpecializedFalse,
+    Plan::Mode::ComputedTrue, Plan::Mode::ComputedFalse};
 
 TEST_F(Plans, QueriesInEveryStage)
 {
@@ -76,7 +77,7 @@ TEST_F(Plans, QueriesInEveryStage)
             ++n;
             expectNoFault({.stage = stage,
                            .flags = flags,
-                           .byAddress = n % 2 == 0,
+                           .byAddress = (n + n / 4) % 2 == 0,
                            .inlineModules = n % 3 == 0,
                            .besideBuild = n % 5 == 0},
                           "stage " + std::to_string(stage) + " flags " + std::to_string(static_cast<int>(flags)));
@@ -99,14 +100,14 @@ TEST_F(Plans, Pipelines)
     constexpr auto kPipeline = Plan::Method::Pipeline;
     using From = Plan::From;
     // Groups of the pipeline name stages of libraries, one of which links another.
-    const std::vector<vellum::check::PipelinePart> parts{{{3, 2, 9}, {2, 3}},
-                                                         {{5, 1, 4, 7, 6, 8}, {4, 6, 7, 10, 12}, {0}},
-                                                         {{0}, {0, 1, 5, 8, 9, 11, 13}, {1}}};
+    const std::vector<vellum::check::PipelinePart> parts{
+        {{3, 2, 9}, {2, 3}}, {{5, 1, 4, 7, 6, 8}, {4, 6, 7, 10, 12}, {0}}, {{0}, {0, 1, 5, 8, 9, 11, 13}, {1}}};
     const vellum::check::PipelinePlan linked{.parts = parts};
     const std::vector<Plan> plans{
         {.method = kPipeline},
         {.method = kPipeline, .flags = Plan::Flags::Specialized, .byAddress = true},
         {.method = kPipeline, .flags = Plan::Flags::Literal, .inlineModules = true},
+        {.method = kPipeline, .flags = Plan::Flags::Selected, .from = From::Miss},
         {.method = kPipeline, .flags = Plan::Flags::Mixed},
         {.method = kPipeline, .flags = Plan::Flags::Computed},
         {.method = kPipeline, .pipeline = linked},

@@ -80,12 +80,18 @@ TEST(Shaders, OfTheTracerAreValidInEveryForm)
             if (name == "tracer_comp_specialized") {
                 EXPECT_EQ(both.size(), literal.size() + 4) << "a constant of its own, and no bitcast";
             }
+        } else {
+            const Module selected = gpu::withSelectedFlags(words, 0x81, 0x400);
+            EXPECT_NE(selected, words) << file;
+            EXPECT_EQ(validate(selected), "") << file;
+            EXPECT_EQ(validate(gpu::withSignedFlags(selected)), "") << file;
         }
         using gpu::OtherEntry;
         for (const OtherEntry other : {OtherEntry::Empty, OtherEntry::SharedBefore, OtherEntry::SharedAfter}) {
             const std::string where = file.string() + ", other entry point " + std::to_string(static_cast<int>(other));
             EXPECT_EQ(validate(gpu::withOtherEntry(words, gpu::Mode::Absent, other)), "") << where;
-            for (const gpu::Mode mode : {gpu::Mode::True, gpu::Mode::False, gpu::Mode::Specialized}) {
+            for (const gpu::Mode mode :
+                 {gpu::Mode::True, gpu::Mode::False, gpu::Mode::Specialized, gpu::Mode::Computed}) {
                 const Module with = gpu::withMode(words, mode, 9);
                 const gpu::Mode opposite = mode == gpu::Mode::True ? gpu::Mode::False : gpu::Mode::True;
                 EXPECT_EQ(validate(withKnownMode(gpu::withOtherEntry(with, opposite, other))), "")

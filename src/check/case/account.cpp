@@ -555,6 +555,14 @@ void Account::writeTracePlan()
         line("Hit attributes are not a vec2: {}.", nameOf(kAttributeNames, trace.attributes));
     if (trace.creation != 0)
         line("Pipelines are created: {}.", wordsOf(trace.creation, kCreationNames));
+    if (trace.flags2)
+        line("Pipeline flags are in VkPipelineCreateFlags2CreateInfo.");
+    if ((trace.chained & (kChainFeedback | kChainRobustness)) != 0)
+        line("Other structures in the pNext chain of the create info{}: {}.",
+             !trace.flags2                             ? ""
+             : (trace.chained & kChainFlagsFirst) != 0 ? ", behind that"
+                                                       : ", before that",
+             wordsOf(trace.chained & ~uint32_t{kChainFlagsFirst}, kChainedNames));
     if (trace.callables)
         line("The ray generation shader executes a callable shader as well.");
     writePipeline(trace.pipeline);
@@ -563,7 +571,11 @@ void Account::writeTracePlan()
         writePipeline(pipeline);
     }
     if (trace.tablesInPlace)
-        line("Each binding table of a pipeline is written over the one before, by the command buffer that traces.");
+        line("Each binding table of a pipeline is written over the one before, by the command buffer that traces. The "
+             "barrier is {} for {}.",
+             (trace.tableBarrier & kBarrierOfMemory) != 0 ? "of all memory," : "of its buffer,",
+             (trace.tableBarrier & kBarrierForTables) != 0 ? "VK_ACCESS_2_SHADER_BINDING_TABLE_READ_BIT_KHR"
+                                                           : "VK_ACCESS_2_SHADER_READ_BIT");
     if (trace.firstDestroyed)
         line("Then the first pipeline is destroyed, and the others trace again.");
 }

@@ -186,11 +186,13 @@ struct TracePlan {
     enum class Method { Query, Pipeline };
     // The source of ray flags. Specialized, Literal: rays with the same flags are traced together, by a pipeline of
     // their own, so they should have few different ones; the parameters of traceRayEXT that name records are such
-    // constants, too. Only in pipelines: Mixed: two instructions trace, one with the literal flags of the first ray.
-    // Computed: a function traces in a loop, with flags that it computes.
-    enum class Flags { RunTime, Specialized, Literal, Mixed, Computed };
-    // The execution mode of modules with ray queries (VK_KHR_opacity_micromap). False: sceneRule.
-    enum class Mode { True, False, SpecializedTrue, SpecializedFalse };
+    // constants, too. Selected: the shader selects one of two literal constants for each ray, so rays are traced
+    // together that have at most two different flags. Only in pipelines: Mixed: two instructions trace, one with the
+    // literal flags of the first ray. Computed: a function traces in a loop, with flags that it computes.
+    enum class Flags { RunTime, Specialized, Literal, Selected, Mixed, Computed };
+    // The execution mode of modules with ray queries (VK_KHR_opacity_micromap). Computed: from two specialization
+    // constants. False: sceneRule.
+    enum class Mode { True, False, SpecializedTrue, SpecializedFalse, ComputedTrue, ComputedFalse };
     // The shader of a pipeline that traces the rays; not ray generation: in recursion.
     enum class From { RayGeneration, ClosestHit, Miss };
     // How a shader uses its ray query. Array: one of two queries in an array. Functions: functions that get it as a
@@ -231,16 +233,19 @@ struct TracePlan {
     PipelinePlan pipeline;
     std::vector<PipelinePlan> otherPipelines; // alive at the same time; their traces follow in the command buffer
     bool tablesInPlace = false; // each table of a pipeline overwrites the one before it, with the same command buffer
+    uint32_t tableBarrier = 0;  // tablesInPlace: bits of TableBarrier
     // The first pipeline is destroyed afterwards, and the others trace again.
     bool firstDestroyed = false;
     bool dynamicStackSize = false;
     From from = From::RayGeneration;
     bool flags2 = false;      // VkPipelineCreateFlags2CreateInfo
+    uint32_t chained = 0;     // bits of ChainedInfo
     bool unusedStage = false; // a stage that no group uses
     LaunchPlan launch;        // Query: without height and depth
     HitAttributes attributes = HitAttributes::Vec2;
     uint32_t creation = 0; // of all pipelines: bits of PipelineCreation
-    // The ray generation shader executes a callable shader: From::RayGeneration, Flags::RunTime, descriptors, no parts.
+    // The ray generation shader executes a callable shader: From::RayGeneration, Flags::RunTime or Selected,
+    // descriptors, no parts.
     bool callables = false;
     bool withoutMicromaps = false; // without the micromap bit: sceneRule
 

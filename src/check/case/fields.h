@@ -267,10 +267,12 @@ void ofTrace(Archive &archive, T &trace)
     archive.object("pipeline", trace.pipeline, [](auto &a, auto &pipeline) { ofPipeline(a, pipeline); });
     archive.list("otherPipelines", trace.otherPipelines, [](auto &a, auto &pipeline) { ofPipeline(a, pipeline); });
     archive.value("tablesInPlace", trace.tablesInPlace, standard.tablesInPlace);
+    archive.bits("tableBarrier", trace.tableBarrier, kTableBarrierNames);
     archive.value("firstDestroyed", trace.firstDestroyed, standard.firstDestroyed);
     archive.value("dynamicStackSize", trace.dynamicStackSize, standard.dynamicStackSize);
     archive.name("from", trace.from, kFromNames, standard.from);
     archive.value("flags2", trace.flags2, standard.flags2);
+    archive.bits("chained", trace.chained, kChainedNames);
     archive.value("unusedStage", trace.unusedStage, standard.unusedStage);
     archive.name("launch", trace.launch.command, kLaunchNames, standard.launch.command);
     archive.value("height", trace.launch.height, standard.launch.height);

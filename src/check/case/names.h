@@ -96,6 +96,7 @@ inline constexpr std::array kFlagSourceNames{
     Name<TracePlan::Flags>{TracePlan::Flags::RunTime, "run-time"},
     Name<TracePlan::Flags>{TracePlan::Flags::Specialized, "specialized"},
     Name<TracePlan::Flags>{TracePlan::Flags::Literal, "literal"},
+    Name<TracePlan::Flags>{TracePlan::Flags::Selected, "selected"},
     Name<TracePlan::Flags>{TracePlan::Flags::Mixed, "mixed"},
     Name<TracePlan::Flags>{TracePlan::Flags::Computed, "computed"},
 };
@@ -104,6 +105,8 @@ inline constexpr std::array kModeNames{
     Name<TracePlan::Mode>{TracePlan::Mode::False, "false"},
     Name<TracePlan::Mode>{TracePlan::Mode::SpecializedTrue, "specialized-true"},
     Name<TracePlan::Mode>{TracePlan::Mode::SpecializedFalse, "specialized-false"},
+    Name<TracePlan::Mode>{TracePlan::Mode::ComputedTrue, "computed-true"},
+    Name<TracePlan::Mode>{TracePlan::Mode::ComputedFalse, "computed-false"},
 };
 inline constexpr std::array kFromNames{
     Name<TracePlan::From>{TracePlan::From::RayGeneration, "ray-generation"},
@@ -185,6 +188,15 @@ inline constexpr std::array kCreationNames{
     Bit{kCreateDeferred, "deferred"},
     Bit{kCreateCached, "cached"},
     Bit{kCreateSeveral, "several"},
+};
+inline constexpr std::array kChainedNames{
+    Bit{kChainFeedback, "feedback"},
+    Bit{kChainRobustness, "robustness"},
+    Bit{kChainFlagsFirst, "flags-first"},
+};
+inline constexpr std::array kTableBarrierNames{
+    Bit{kBarrierForTables, "tables"},
+    Bit{kBarrierOfMemory, "memory"},
 };
 inline constexpr std::array kAttributeNames{
     Name<HitAttributes>{HitAttributes::Vec2, "vec2"},

@@ -44,7 +44,8 @@ std::string callableFault(uint32_t ray, uint32_t called, const oracle::TracedBy 
 
 bool consumesMicromaps(const TracePlan &plan)
 {
-    return plan.mode == TracePlan::Mode::True || plan.mode == TracePlan::Mode::SpecializedTrue;
+    return plan.mode == TracePlan::Mode::True || plan.mode == TracePlan::Mode::SpecializedTrue ||
+           plan.mode == TracePlan::Mode::ComputedTrue;
 }
 
 std::optional<std::string> sceneRule(const Device &gpu, const TracePlan &plan, const Scene &scene)
@@ -102,8 +103,15 @@ private:
     [[nodiscard]] std::vector<std::vector<size_t>> batches(const Scene &scene) const
     {
         std::map<uint32_t, std::vector<size_t>> groups;
-        for (size_t i = 0; i < scene.rays.size(); ++i)
-            groups[isConstant() ? scene.rays[i].flags : 0].push_back(i);
+        std::vector<uint32_t> different; // flags, of which a shader selects one of each two
+        for (size_t i = 0; i < scene.rays.size(); ++i) {
+            const uint32_t flags = scene.rays[i].flags;
+            const auto found = std::ranges::find(different, flags);
+            const auto number = static_cast<uint32_t>(found - different.begin());
+            if (found == different.end())
+                different.push_back(flags);
+            groups[isConstant() ? flags : isSelected() ? number / 2 : 0].push_back(i);
+        }
         std::vector<std::vector<size_t>> batches;
         for (const auto &[flags, rays] : groups) {
             for (size_t at = 0; at < rays.size(); at += StageProgram::kMostRays) {
@@ -120,9 +128,14 @@ private:
     {
         return plan_.flags == TracePlan::Flags::Specialized || plan_.flags == TracePlan::Flags::Literal;
     }
-    // The flags that a pipeline has for these rays.
+    [[nodiscard]] bool isSelected() const { return plan_.flags == TracePlan::Flags::Selected; }
+    // The flags that a pipeline has for these rays: queryTracer.
     [[nodiscard]] uint32_t key(std::span<const Ray> rays) const
     {
+        if (isSelected()) {
+            const auto other = std::ranges::find_if(rays, [&](const Ray &ray) { return ray.flags != rays[0].flags; });
+            return rays[0].flags | (other == rays.end() ? rays[0] : *other).flags << 16;
+        }
         return isConstant() || plan_.flags == TracePlan::Flags::Mixed ? rays[0].flags : 0;
     }
 
@@ -260,7 +273,7 @@ private:
         const std::vector<Buffer> copies = buffersForTables(traces, tracers);
         for (size_t k = 0; k < traces.size(); ++k)
             tracers[k]->prepare(top, rays, oracle::kCapacity,
-                                plan_.tablesInPlace ? &copies[traces[k].pipeline] : nullptr);
+                                plan_.tablesInPlace ? &copies[traces[k].pipeline] : nullptr, plan_.tableBarrier);
         run(std::span<PipelineTracer *const>(tracers), beside);
         const oracle::Tolerance tolerance = oracle::toleranceFor(gpu_);
         for (size_t k = 0; k < traces.size(); ++k) {
@@ -316,6 +329,7 @@ std::vector<std::string> traceFaults(Device &gpu, const Structure &top, const Sc
     pipelines.maintenance6 = pipelines.secondary = pipelines.twice = pipelines.rebound = false;
     pipelines.launch = {};
     pipelines.firstDestroyed = pipelines.tablesInPlace = false;
+    pipelines.tableBarrier = 0;
     const auto withoutTables = [](PipelinePlan &pipeline) {
         pipeline.table = {};
         pipeline.otherTables.clear();

@@ -17,15 +17,17 @@ bool usesMicromaps(const Device &gpu)
     return gpu.options().micromaps && gpu.options().micromapFeature;
 }
 
-// A module of the plan: with what the ray flags of micromaps need, literal constants, and signed ray flags.
+// A module of the plan: with what the ray flags of micromaps need, literal constants, and selected or signed ray flags.
 std::vector<uint32_t> completed(const Device &gpu, const TracePlan &plan, std::span<const uint32_t> module,
-                                std::span<const uint32_t> literals)
+                                uint32_t flags, std::span<const uint32_t> literals)
 {
     std::vector<uint32_t> words(module.begin(), module.end());
     if (usesMicromaps(gpu))
         words = withMicromapFlag(words);
     for (uint32_t i = 0; i < literals.size(); ++i)
         words = withLiteral(words, i, literals[i]);
+    if (plan.flags == TracePlan::Flags::Selected)
+        words = withSelectedFlags(words, flags & 0xffff, flags >> 16);
     if (plan.signedFlags)
         words = withSignedFlags(words);
     return words;
@@ -41,6 +43,8 @@ Mode modeOf(const TracePlan &plan)
     switch (plan.mode) {
     case TracePlan::Mode::True: return Mode::True;
     case TracePlan::Mode::False: return Mode::False;
+    case TracePlan::Mode::ComputedTrue:
+    case TracePlan::Mode::ComputedFalse: return Mode::Computed;
     default: return Mode::Specialized;
     }
 }
@@ -149,6 +153,13 @@ std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
     }
     if (plan.flags2 && !has(gpu, "VK_KHR_maintenance5", missing))
         return missing;
+    if ((plan.chained & kChainFeedback) != 0 && !has(gpu, VK_EXT_PIPELINE_CREATION_FEEDBACK_EXTENSION_NAME, missing))
+        return missing;
+    if ((plan.chained & kChainRobustness) != 0 && !has(gpu, VK_EXT_PIPELINE_ROBUSTNESS_EXTENSION_NAME, missing))
+        return missing;
+    if ((plan.tableBarrier & kBarrierForTables) != 0 &&
+        !has(gpu, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME, missing))
+        return missing;
     if (!hasLaunch(gpu, plan.launch.command, missing))
         return missing;
     if (plan.from != TracePlan::From::RayGeneration && gpu.pipelineProperties().maxRayRecursionDepth < 2)
@@ -158,14 +169,14 @@ std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
 
 std::unique_ptr<Tracer> queryTracer(Device &gpu, const TracePlan &plan, uint32_t flags)
 {
-    const bool constant = plan.flags != TracePlan::Flags::RunTime;
+    const bool constant = plan.flags == TracePlan::Flags::Specialized || plan.flags == TracePlan::Flags::Literal;
     const std::span<const uint32_t> module = plan.vertexBuffers ? vertexBufferModule()
                                              : plan.query != TracePlan::Query::Plain || plan.optimized
                                                  ? queryModule(plan.query, constant, plan.optimized)
                                                  : queryModule(plan.stage, constant, plan.byAddress);
     const std::array literals{flags};
     std::vector<uint32_t> words =
-        completed(gpu, plan, module, std::span(literals).first(plan.flags == TracePlan::Flags::Literal ? 1 : 0));
+        completed(gpu, plan, module, flags, std::span(literals).first(plan.flags == TracePlan::Flags::Literal ? 1 : 0));
     TracerSetup setup{.specializedFlags = specializedFlags(plan, flags),
                       .inlineModule = plan.inlineModules,
                       .stage = plan.stage,
@@ -175,6 +186,10 @@ std::unique_ptr<Tracer> queryTracer(Device &gpu, const TracePlan &plan, uint32_t
         words = withMode(words, modeOf(plan), Tracer::kModeConstant);
         if (modeOf(plan) == Mode::Specialized)
             setup.specializedMode = plan.mode == TracePlan::Mode::SpecializedTrue ? VK_TRUE : VK_FALSE;
+        if (modeOf(plan) == Mode::Computed) {
+            setup.specializedMode = VK_TRUE;
+            setup.specializedOther = plan.mode == TracePlan::Mode::ComputedTrue ? VK_FALSE : VK_TRUE;
+        }
     }
     if (plan.otherEntry != OtherEntry::None)
         words = withOtherEntry(words,
@@ -201,6 +216,7 @@ std::unique_ptr<PipelineTracer> pipelineTracer(Device &gpu, const TracePlan &pla
         .sbtStride = parameters.recordStride,
         .missIndex = parameters.missIndex,
         .flags2 = plan.flags2,
+        .chained = plan.chained,
         .inlineModules = plan.inlineModules,
         .dynamicStackSize = plan.dynamicStackSize,
         .unusedStage = plan.unusedStage,
@@ -217,7 +233,7 @@ std::unique_ptr<PipelineTracer> pipelineTracer(Device &gpu, const TracePlan &pla
                   plan.callables ? callingModule()
                                  : tracingModule(relay ? setup.relayStage : VK_SHADER_STAGE_RAYGEN_BIT_KHR, plan.flags,
                                                  plan.byAddress),
-                  std::span(literals).first(literal));
+                  flags, std::span(literals).first(literal));
     (relay ? setup.relay : setup.raygen) = tracing;
     setup.flags = pipeline.flags;
     if (usesMicromaps(gpu) && !plan.withoutMicromaps)

@@ -209,7 +209,8 @@ std::span<const uint32_t> tracingModule(VkShaderStageFlagBits stage, TracePlan::
     const Tracing &modules = ofStage(kTracing, stage);
     const size_t i = byAddress ? 1 : 0;
     switch (flags) {
-    case TracePlan::Flags::RunTime: return modules.plain[i];
+    case TracePlan::Flags::RunTime:
+    case TracePlan::Flags::Selected: return modules.plain[i];
     case TracePlan::Flags::Mixed: return modules.mixed[i];
     case TracePlan::Flags::Computed: return modules.computed[i];
     default: return modules.specialized[i];

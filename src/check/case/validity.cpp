@@ -567,15 +567,19 @@ void checkTrace(const Case &c)
              trace.launch.offset <= 1000,
          "trace.launch", "height and depth are not 1 to 64, or the offset is too large");
     rule((trace.creation & ~allOf(kCreationNames)) == 0, "trace.creation", "no such way");
+    rule((trace.chained & ~allOf(kChainedNames)) == 0, "trace.chained", "no such structure");
+    rule((trace.tableBarrier & ~allOf(kTableBarrierNames)) == 0, "trace.tableBarrier", "no such barrier");
     rule(!trace.secondary || traced || trace.stage == VK_SHADER_STAGE_COMPUTE_BIT, "trace.secondary",
          "is within a render pass");
+    const bool selected = trace.flags == TracePlan::Flags::Selected;
     rule(!trace.callables ||
              (trace.from == TracePlan::From::RayGeneration && !trace.byAddress &&
-              trace.flags == TracePlan::Flags::RunTime && trace.pipeline.parts.empty() &&
+              (trace.flags == TracePlan::Flags::RunTime || selected) && trace.pipeline.parts.empty() &&
               std::ranges::all_of(trace.otherPipelines, [](const PipelinePlan &plan) { return plan.parts.empty(); })),
          "trace.callables", "need a ray generation shader with flags of run time and a descriptor, and no parts");
     const bool constant = trace.flags == TracePlan::Flags::Specialized || trace.flags == TracePlan::Flags::Literal;
-    rule(traced || constant || trace.flags == TracePlan::Flags::RunTime, "trace.flags", "are those of pipelines");
+    rule(traced || constant || selected || trace.flags == TracePlan::Flags::RunTime, "trace.flags",
+         "are those of pipelines");
     const bool compute = trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && !trace.byAddress;
     rule(trace.query == TracePlan::Query::Plain || compute, "trace.query", "needs the compute stage and a descriptor");
     rule(!trace.optimized || (!traced && compute && !constant), "trace.optimized",

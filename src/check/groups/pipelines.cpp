@@ -40,6 +40,15 @@ Case pipelineCase(Random &random, const DeviceLimits &limits, const Limits &scen
     return c;
 }
 
+// Bits of TableBarrier, where tables are written over others.
+uint32_t randomBarrier(Random &random, const TracePlan &trace, const DeviceLimits &limits)
+{
+    if (!trace.tablesInPlace)
+        return 0;
+    const uint32_t forTables = limits.maintenance && chance(random, 60) ? uint32_t{kBarrierForTables} : 0;
+    return forTables | (chance(random, 40) ? uint32_t{kBarrierOfMemory} : 0);
+}
+
 LaunchPlan randomLaunch(Random &random, Launch command = Launch::Direct)
 {
     LaunchPlan launch{.command = command};
@@ -52,6 +61,15 @@ LaunchPlan randomLaunch(Random &random, Launch command = Launch::Direct)
 uint32_t randomCreation(Random &random)
 {
     return chance(random, 25) ? 1 + below(random, kCreateDeferred | kCreateCached | kCreateSeveral) : 0;
+}
+
+// Other structures in the pNext chains of pipelines, before or behind that of the flags.
+void chainInfos(Random &random, TracePlan &trace, const DeviceLimits &limits)
+{
+    if (!chance(random, 50))
+        return;
+    trace.chained = below(random, allOf(kChainedNames) + 1) & limits.chained;
+    trace.flags2 |= chance(random, 40);
 }
 
 HitAttributes randomAttributes(Random &random)
@@ -184,6 +202,7 @@ Case pipelineLibraries(Random &random, const DeviceLimits &limits)
         c.trace.pipeline.flags = randomFlags(random, c, false);
     c.trace.pipeline.table = randomTable(random, c.trace.pipeline);
     c.trace.pipeline.parts = randomParts(random, c.trace, limits);
+    chainInfos(random, c.trace, limits);
     return c;
 }
 
@@ -206,6 +225,7 @@ Case pipelinePlans(Random &random, const DeviceLimits &limits)
     c.trace.withoutMicromaps = !scene.micromaps && chance(random, 70);
     c.trace.pipeline.flags = randomFlags(random, c, true);
     c.trace.pipeline.table = randomTable(random, c.trace.pipeline);
+    chainInfos(random, c.trace, limits);
     return c;
 }
 
@@ -249,6 +269,7 @@ Case bindingTables(Random &random, const DeviceLimits &limits)
         pipeline.table.layout.zeroStride = true;
         pipeline.table.length.reset();
     }
+    c.trace.tableBarrier = randomBarrier(random, c.trace, limits);
     return c;
 }
 
@@ -276,6 +297,7 @@ Case pipelineRayFlags(Random &random, const DeviceLimits &limits)
         for (Ray &ray : c.scene.rays)
             ray.flags = chance(random, 60) ? c.scene.rays[0].flags : ray.flags;
     }
+    selectFlags(random, c, 40);
     return c;
 }
 
@@ -315,6 +337,7 @@ Case severalPipelines(Random &random, const DeviceLimits &limits)
     c.trace.launch = randomLaunch(random);
     c.trace.dynamicStackSize = chance(random, 20);
     setRecords(random, c);
+    c.trace.tableBarrier = randomBarrier(random, c.trace, limits);
     return c;
 }
 
@@ -337,8 +360,10 @@ constexpr std::array kPipelinesGroups{
     Group{"pipeline-plans",
           "ray tracing pipelines with inline modules, stack sizes, recursion, callable shaders, hit attributes of "
           "several types and create flags, which "
-          "skip triangles or promise shaders; created by deferred operations, with caches, several at once",
-          "vkCreateRayTracingPipelinesKHR; VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_KHR, "
+          "skip triangles or promise shaders, in the create info or in a structure of its own; created by deferred "
+          "operations, with caches, several at once, with feedback and robustness",
+          "vkCreateRayTracingPipelinesKHR; VkPipelineCreateFlags2CreateInfo, VkPipelineCreationFeedbackCreateInfo, "
+          "VkPipelineRobustnessCreateInfo: pNext; VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_KHR, "
           "..._SKIP_TRIANGLES_BIT_KHR, ..._SKIP_AABBS_BIT_KHR, ..._NO_NULL_..._SHADERS_BIT_KHR; "
           "IncomingRayFlagsKHR: \"Setting pipeline flags on the ray tracing pipeline must not cause any corresponding "
           "flags to be set\"",
@@ -358,12 +383,15 @@ constexpr std::array kPipelinesGroups{
         "group behaves as though it is a shader group consisting entirely of VK_SHADER_UNUSED_KHR\"",
         200, runGroup<bindingTables>, 30},
     Group{"pipeline-ray-flags",
-          "ray flags of traceRayEXT at run time, specialized, literal, computed, and of two instructions",
+          "ray flags of traceRayEXT at run time, specialized, literal, selected, computed, and of two instructions",
           "OpTraceRayKHR: Ray Flags, SBT Offset, SBT Stride, Miss Index; IncomingRayFlagsKHR", 150,
           runGroup<pipelineRayFlags>, 50},
     Group{"several-pipelines",
-          "two or three pipelines with several tables in one command buffer, of which the first is destroyed",
-          "vkCmdBindPipeline; vkCmdTraceRaysKHR; vkDestroyPipeline", 80, runGroup<severalPipelines>, 20},
+          "two or three pipelines with several tables in one command buffer, of which the first is destroyed; tables "
+          "that are written between traces, with barriers of their buffer or of all memory",
+          "vkCmdBindPipeline; vkCmdTraceRaysKHR; vkDestroyPipeline; VK_ACCESS_2_SHADER_READ_BIT, "
+          "VK_ACCESS_2_SHADER_BINDING_TABLE_READ_BIT_KHR",
+          80, runGroup<severalPipelines>, 20},
     Group{"indirect-traces", "pipelines whose rays are traced by indirect commands, with hit tables of several strides",
           "vkCmdTraceRaysIndirectKHR, vkCmdTraceRaysIndirect2KHR; VkTraceRaysIndirectCommand2KHR; Hit Shader Table",
           120, runGroup<indirectTraces>, 24},

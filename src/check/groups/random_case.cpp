@@ -129,6 +129,14 @@ std::vector<oracle::MicromapTriangle> otherStates(Random &random, const oracle::
     return triangles;
 }
 
+// Ray flags with other flags of opacity, each as likely as the others.
+uint32_t withOtherOpacity(Random &random, uint32_t flags)
+{
+    constexpr std::array kOpacity{0u, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque};
+    constexpr uint32_t kAny = kRayOpaque | kRayNoOpaque | kRayCullOpaque | kRayCullNoOpaque;
+    return (flags & ~kAny) | kOpacity[below(random, kOpacity.size())] | (chance(random, 40) ? kRayForceTwoState : 0);
+}
+
 } // namespace
 
 DeviceLimits limitsOf(const Device &gpu)
@@ -143,6 +151,9 @@ DeviceLimits limitsOf(const Device &gpu)
             .maintenance = gpu.has(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME),
             .maintenance6 = gpu.has("VK_KHR_maintenance6"),
             .shaderObjects = gpu.has("VK_EXT_shader_object"),
+            .chained = uint32_t{kChainFlagsFirst} |
+                       (gpu.has(VK_EXT_PIPELINE_CREATION_FEEDBACK_EXTENSION_NAME) ? uint32_t{kChainFeedback} : 0) |
+                       (gpu.has(VK_EXT_PIPELINE_ROBUSTNESS_EXTENSION_NAME) ? uint32_t{kChainRobustness} : 0),
             .dataAccess = gpu.has("VK_KHR_ray_tracing_position_fetch"),
             .maxLevel2 = std::max(gpu.maxLevel(kTwoState), kRequiredLevel),
             .maxLevel4 = std::max(gpu.maxLevel(kFourState), kRequiredLevel),
@@ -380,10 +391,7 @@ void allowUpdates(Case &c)
 
 void setConstantFlags(Random &random, oracle::Scene &scene)
 {
-    constexpr std::array kOpacity{0u, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque};
-    constexpr uint32_t kAny = kRayOpaque | kRayNoOpaque | kRayCullOpaque | kRayCullNoOpaque;
-    const uint32_t flags = (scene.rays[0].flags & ~kAny) | kOpacity[below(random, kOpacity.size())] |
-                           (chance(random, 40) ? kRayForceTwoState : 0);
+    const uint32_t flags = withOtherOpacity(random, scene.rays[0].flags);
     for (Ray &ray : scene.rays)
         ray.flags = flags;
 }
@@ -392,6 +400,18 @@ void fixFlags(Random &random, Case &c)
 {
     c.trace.flags = chance(random, 50) ? TracePlan::Flags::Specialized : TracePlan::Flags::Literal;
     setConstantFlags(random, c.scene);
+}
+
+void selectFlags(Random &random, Case &c, uint32_t percent)
+{
+    if (c.trace.flags != TracePlan::Flags::RunTime || !chance(random, percent))
+        return;
+    c.trace.flags = TracePlan::Flags::Selected;
+    std::vector<Ray> &rays = c.scene.rays;
+    const uint32_t first = withOtherOpacity(random, rays[0].flags);
+    const uint32_t second = withOtherOpacity(random, rays[below(random, static_cast<uint32_t>(rays.size()))].flags);
+    for (Ray &ray : rays)
+        ray.flags = chance(random, 50) ? first : second;
 }
 
 void terminateSome(Random &random, oracle::Scene &scene)

@@ -26,6 +26,7 @@ struct DeviceLimits {
     bool maintenance = false; // VK_KHR_ray_tracing_maintenance1
     bool maintenance6 = false;
     bool shaderObjects = false;
+    uint32_t chained = 0;    // bits of ChainedInfo
     bool dataAccess = false; // VK_KHR_ray_tracing_position_fetch
     uint32_t maxLevel2 = 0, maxLevel4 = 0, maxLossyLevel = 0;
     std::vector<VkFormat> vertexFormats = {kVertexFormats.begin(), kVertexFormats.begin() + kRequiredVertexFormats};
@@ -79,6 +80,8 @@ void allowUpdates(Case &c);
 void setConstantFlags(Random &random, oracle::Scene &scene);
 // As above, and the shader knows them.
 void fixFlags(Random &random, Case &c);
+// In so many of the cases with ray flags of run time, rays get one of two, between which the shader selects.
+void selectFlags(Random &random, Case &c, uint32_t percent);
 // Some candidates end their rays.
 void terminateSome(Random &random, oracle::Scene &scene);
 // Record offsets of instances, which any ray of the case's pipelines may use: triangles and boxes reach different ones.

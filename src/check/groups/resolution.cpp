@@ -139,6 +139,7 @@ Case flags(Random &random, const DeviceLimits &limits)
         c.trace.method = TracePlan::Method::Pipeline;
     else if (chance(random, 40))
         fixFlags(random, c);
+    selectFlags(random, c, 15);
     return c;
 }
 
@@ -216,6 +217,14 @@ OtherEntry otherEntry(Random &random, VkShaderStageFlagBits stage, uint32_t perc
     return chance(random, 50) ? OtherEntry::SharedBefore : OtherEntry::SharedAfter;
 }
 
+// In half of the cases with a specialized execution mode, it is computed from specialization constants.
+void computeMode(Random &random, TracePlan::Mode &mode)
+{
+    using Mode = TracePlan::Mode;
+    if ((mode == Mode::SpecializedTrue || mode == Mode::SpecializedFalse) && chance(random, 50))
+        mode = mode == Mode::SpecializedTrue ? Mode::ComputedTrue : Mode::ComputedFalse;
+}
+
 // Ray queries in every stage, with ray flags and execution mode from everywhere.
 Case stages(Random &random, const DeviceLimits &limits)
 {
@@ -235,6 +244,8 @@ Case stages(Random &random, const DeviceLimits &limits)
     c.trace.launch.offset = chance(random, 50) ? below(random, 70) : 0;
     c.trace.vertexBuffers = limits.addressCommands() && c.trace.stage == VK_SHADER_STAGE_VERTEX_BIT &&
                             !c.trace.byAddress && c.trace.flags == TracePlan::Flags::RunTime && chance(random, 60);
+    selectFlags(random, c, 30);
+    computeMode(random, c.trace.mode);
     return c;
 }
 
@@ -255,6 +266,7 @@ Case queryObjects(Random &random, const DeviceLimits &limits)
         fixFlags(random, c);
     terminateSome(random, c.scene);
     setRecords(random, c);
+    selectFlags(random, c, 35);
     return c;
 }
 
@@ -272,6 +284,8 @@ Case executionMode(Random &random, const DeviceLimits &limits)
     if (chance(random, 40))
         fixFlags(random, c);
     c.trace.otherEntry = otherEntry(random, c.trace.stage, 40);
+    selectFlags(random, c, 20);
+    computeMode(random, c.trace.mode);
     return c;
 }
 
@@ -310,12 +324,12 @@ constexpr std::array kResolutionGroups{
         "instance and device, must perform any lossy substitutions invariantly with respect to acceleration structures "
         "and micromaps constructed with an equivalent shape and data\"",
         150, runGroup<lossy>, 80},
-    Group{
-        "stages",
-        "ray queries in every stage, with ray flags of run time, specialized and literal ones, by direct and indirect "
-        "commands, also of VK_KHR_device_address_commands",
-        "OpRayQueryInitializeKHR in each stage; OpExecutionModeId OpacityMicromapIdKHR with a specialization constant",
-        200, runGroup<stages>, 30},
+    Group{"stages",
+          "ray queries in every stage, with ray flags of run time, specialized, literal and selected ones, by direct "
+          "and indirect commands, also of VK_KHR_device_address_commands",
+          "OpRayQueryInitializeKHR in each stage; OpExecutionModeId OpacityMicromapIdKHR with a specialization "
+          "constant, or with an OpSpecConstantOp",
+          200, runGroup<stages>, 30},
     Group{"query-objects",
           "ray queries in arrays, as parameters of functions, initialized again or in two places, terminated, in loops "
           "that carry values; in modules that were optimized, with signed ray flags, and in shader objects",
@@ -323,8 +337,8 @@ constexpr std::array kResolutionGroups{
           "OpRayQueryTerminateKHR; VK_EXT_shader_object",
           150, runGroup<queryObjects>, 56},
     Group{"execution-mode",
-          "ray queries with and without the execution mode OpacityMicromapIdKHR, also of another entry point that "
-          "calls the same function",
+          "ray queries with and without the execution mode OpacityMicromapIdKHR, also specialized, computed from "
+          "specialization constants, and of another entry point that calls the same function",
           "SPV_KHR_opacity_micromap: OpacityMicromapIdKHR; VUID-vkCmdDispatch-micromap-11636", 60,
           runGroup<executionMode>, 30},
 };

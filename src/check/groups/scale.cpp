@@ -164,8 +164,9 @@ Case instances(Random &random, const DeviceLimits &limits, uint32_t count)
     return c;
 }
 
-// Adds a row of triangles with these triangles of the micromap.
-void addUses(Random &random, Case &c, const std::vector<uint32_t> &numbers, VkIndexType type, uint32_t base)
+// Adds a row of triangles with these triangles of the micromap, and rays at micro-triangles of that level.
+void addUses(Random &random, Case &c, const std::vector<uint32_t> &numbers, VkIndexType type, uint32_t base,
+             uint32_t level = 2)
 {
     std::vector<oracle::Mesh> &meshes = c.scene.objects[0].meshes;
     oracle::Mesh &mesh = meshes.emplace_back();
@@ -176,7 +177,7 @@ void addUses(Random &random, Case &c, const std::vector<uint32_t> &numbers, VkIn
         place[1] = kPitch * static_cast<float>(meshes.size());
         appendTriangle(mesh.vertices, place);
         mesh.micromap->indices.push_back(static_cast<int32_t>(number - base));
-        aimAt(random, c, place, 2, 4);
+        aimAt(random, c, place, level, 4);
     }
 }
 
@@ -224,6 +225,43 @@ Case micromapTriangles(Random &random, const DeviceLimits &limits, uint32_t coun
         for (uint32_t i = 0; i < used; ++i)
             direct.micromap->indices[i] = static_cast<int32_t>(i);
     }
+    maybeByPipeline(random, c, limits);
+    return c;
+}
+
+// A micromap that may be compacted, of more than 2^15 triangles, of which some in each block of 256 have levels whose
+// data is shared where it is equal; it is compacted, and sometimes copied and serialized before.
+Case sharedData(Random &random, const DeviceLimits &limits)
+{
+    using Kind = Step::Kind;
+    constexpr uint32_t kBlock = 256;
+    const uint32_t count = above(random, 1u << 15);
+    const std::vector<uint32_t> some = interesting(random, count);
+    std::set<uint32_t> numbers(some.begin(), some.end());
+    for (uint32_t first = 0; first < count; first += kBlock)
+        numbers.insert(first + below(random, std::min(kBlock, count - first)));
+    const std::vector<uint32_t> all(numbers.begin(), numbers.end());
+    Case c = micromapCase(random, limits, count, all);
+    oracle::SceneMicromap &micromap = c.scene.micromaps[0];
+    micromap.flags |= VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+    // In half of the cases, the others have equal data of such a level.
+    const oracle::MicromapTriangle plain = oracle::mixedTriangle(random, kRequiredLevel, kTwoState);
+    const bool fine = chance(random, 50);
+    for (uint32_t number = 0; number < count; ++number) {
+        if (numbers.contains(number))
+            micromap.triangles[number] =
+                oracle::mixedTriangle(random, kRequiredLevel, chance(random, 50) ? kTwoState : kFourState);
+        else if (fine)
+            micromap.triangles[number] = plain;
+    }
+    for (size_t first = 0; first < all.size(); first += kGrid)
+        addUses(random, c,
+                {all.begin() + static_cast<ptrdiff_t>(first),
+                 all.begin() + static_cast<ptrdiff_t>(std::min<size_t>(first + kGrid, all.size()))},
+                VK_INDEX_TYPE_UINT32, 0, kRequiredLevel);
+    if (chance(random, 40))
+        c.steps.push_back({.kind = chance(random, 50) ? Kind::CloneMicromap : Kind::ReloadMicromap});
+    c.steps.push_back({.kind = Kind::CompactMicromap});
     maybeByPipeline(random, c, limits);
     return c;
 }
@@ -385,7 +423,7 @@ Case someMicromapTriangles(Random &random, const DeviceLimits &limits)
     return micromapTriangles(random, limits, above(random, 1u << 10));
 }
 
-constexpr std::array<MakeCase, 19> kKinds{
+constexpr std::array<MakeCase, 20> kKinds{
     [](Random &random, const DeviceLimits &) { return geometries(random, above(random, 1u << 8)); },
     someTriangles,
     someInstances,
@@ -407,6 +445,7 @@ constexpr std::array<MakeCase, 19> kKinds{
     highestCompacted,
     highestOnHost,
     lossyNodes,
+    sharedData,
 };
 
 Outcome scale(Session &session, std::string_view group, uint64_t seed)
@@ -418,12 +457,12 @@ constexpr std::array kScaleGroups{
     Group{"scale",
           "more than 256 and 65,536 geometries, triangles, instances and micromap triangles; indices with the highest "
           "bit set; the highest levels, also lossy, copied and serialized; strides of triangle arrays and data of more "
-          "than 64 KiB",
+          "than 64 KiB; more than 32,768 triangles that are compacted",
           "maxGeometryCount, maxPrimitiveCount, maxInstanceCount, maxMicromapTriangles; "
           "VkAccelerationStructureTrianglesOpacityMicromapKHR: indexType, baseTriangle; "
           "maxOpacity2StateSubdivisionLevel, maxOpacity4StateSubdivisionLevel and "
           "maxOpacityLossy4StateSubdivisionLevel",
-          76, scale, kKinds.size(), kKinds.size()},
+          80, scale, kKinds.size(), kKinds.size()},
 };
 
 } // namespace

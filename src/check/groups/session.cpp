@@ -24,14 +24,16 @@ Device &Session::device(Memory memory)
             errors_.push_back(message.id + ": " + message.text);
         };
         device = std::make_unique<Device>(
-            std::move(instance), DeviceOptions{.physicalDevice = options_.device,
-                                               .api = options_.api,
-                                               .privateData = true,
-                                               .extensions = {VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME,
-                                                              VK_EXT_MESH_SHADER_EXTENSION_NAME, "VK_KHR_maintenance5",
-                                                              "VK_KHR_maintenance6", "VK_EXT_shader_object",
-                                                              "VK_KHR_ray_tracing_position_fetch"},
-                                               .memory = memory});
+            std::move(instance),
+            DeviceOptions{
+                .physicalDevice = options_.device,
+                .api = options_.api,
+                .privateData = true,
+                .extensions = {VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME, VK_EXT_MESH_SHADER_EXTENSION_NAME,
+                               "VK_KHR_maintenance5", "VK_KHR_maintenance6", "VK_EXT_shader_object",
+                               "VK_KHR_ray_tracing_position_fetch", VK_EXT_PIPELINE_CREATION_FEEDBACK_EXTENSION_NAME,
+                               VK_EXT_PIPELINE_ROBUSTNESS_EXTENSION_NAME},
+                .memory = memory});
     }
     return *device;
 }

@@ -446,6 +446,7 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.trace.signedFlags = false; },
         [](Case &c) { c.trace.firstDestroyed = false; },
         [](Case &c) { c.trace.tablesInPlace = false; },
+        [](Case &c) { c.trace.tableBarrier = 0; },
         [](Case &c) { c.trace.unusedStage = false; },
         [](Case &c) { c.trace.launch.command = Launch::Direct; },
         [](Case &c) { c.trace.launch = {.command = c.trace.launch.command}; },
@@ -455,6 +456,7 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.trace.inlineModules = false; },
         [](Case &c) { c.trace.from = TracePlan::From::RayGeneration; },
         [](Case &c) { c.trace.flags2 = false; },
+        [](Case &c) { c.trace.chained = 0; },
         [](Case &c) { c.trace.withoutMicromaps = false; },
         [](Case &c) { c.trace.dynamicStackSize = false; },
     };
