@@ -242,10 +242,16 @@ Case stages(Random &random, const DeviceLimits &limits)
     c.trace.signedFlags = chance(random, 15);
     c.trace.launch.command = randomCommand(random, limits);
     c.trace.launch.offset = chance(random, 50) ? below(random, 70) : 0;
-    c.trace.vertexBuffers = limits.addressCommands() && c.trace.stage == VK_SHADER_STAGE_VERTEX_BIT &&
-                            !c.trace.byAddress && c.trace.flags == TracePlan::Flags::RunTime && chance(random, 60);
     selectFlags(random, c, 30);
     computeMode(random, c.trace.mode);
+    // One of many stages, so that few cases would have it.
+    c.trace.vertexBuffers = limits.addressCommands() && chance(random, 12);
+    if (c.trace.vertexBuffers) {
+        c.trace.stage = VK_SHADER_STAGE_VERTEX_BIT;
+        c.trace.byAddress = false;
+        c.trace.flags = TracePlan::Flags::RunTime;
+        c.trace.otherEntry = OtherEntry::None;
+    }
     return c;
 }
 
