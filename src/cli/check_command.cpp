@@ -501,9 +501,15 @@ int checkCommand(const CheckOptions &options)
         return list(options);
     if (!options.merge.empty())
         return merge(options);
-    for (const auto &file : {options.results, options.junit})
-        if (file)
-            checkFolderOf(*file);
+    for (const auto &file : {options.results, options.junit}) {
+        if (!file)
+            continue;
+        std::error_code error;
+        std::filesystem::path made = *file; // or the first of the folders that are made for it
+        while (!made.parent_path().empty() && !std::filesystem::exists(made.parent_path(), error))
+            made = made.parent_path();
+        checkFolderOf(made);
+    }
     const Interruptible interruptible;
     prepareEnvironment(options);
     CaseSelection selection = selectionOf(options);

@@ -130,7 +130,7 @@ TEST(CommandLine, EveryHelpHasTheExitCodesOfItsSubcommand)
         ++seen;
     }
     EXPECT_EQ(seen, codes.size());
-    EXPECT_TRUE(has(runVellum({"help", "bake"}).output, "\n  7  --require-micromaps: no micromaps\n"));
+    EXPECT_TRUE(has(runVellum({"help", "bake"}).output, "\n  7    --require-micromaps: no micromaps\n"));
 }
 
 TEST(CommandLine, ErrorsNameTheOptionAndItsRange)

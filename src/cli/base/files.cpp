@@ -152,18 +152,13 @@ void checkFolderOf(const std::filesystem::path &path)
     std::error_code error;
     if (std::filesystem::is_directory(path, error))
         throw Error(utf8Text(path) + " cannot be written: it is a directory");
-    // Folders that are missing are made when the file is written.
-    std::filesystem::path folder = path.parent_path();
-    while (!folder.empty() && !std::filesystem::exists(folder, error))
-        folder = folder.parent_path();
-    if (folder.empty())
-        folder = ".";
+    const std::filesystem::path folder = path.parent_path().empty() ? "." : path.parent_path();
     if (!std::filesystem::is_directory(folder, error))
         throw Error(utf8Text(path) + " cannot be written: " + utf8Text(folder) + " is not a directory");
     if (const std::string problem = problemOfFolder(folder); !problem.empty())
         throw Error(utf8Text(path) + " cannot be written: " + problem);
     try {
-        const NewFile probe(folder / path.filename()); // where no permission says so, as in /proc
+        const NewFile probe(path); // where no permission says so, as in /proc
     } catch (const GltfError &failure) {
         throw Error(failure.what());
     }

@@ -337,6 +337,15 @@ TEST_F(CheckSelection, MergedTextsAreThoseOfOneRun)
     EXPECT_TRUE(std::filesystem::exists(folder_ / "all/failures/khr.hang.0000.json"));
 }
 
+TEST_F(CheckSelection, FoldersOfReportsAreMade)
+{
+    const std::filesystem::path junit = folder_ / "new/reports/all.xml";
+    const Outcome outcome = runVellum(
+        {"check", "--filter", "khr.good.*", "--output", (folder_ / "new").string(), "--junit", junit.string()});
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+    EXPECT_TRUE(std::filesystem::exists(junit));
+}
+
 TEST_F(CheckSelection, RunsThatAreNotMerged)
 {
     const auto folder = [&](const std::string &name) { return (folder_ / name).string(); };
