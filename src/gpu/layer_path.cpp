@@ -59,7 +59,8 @@ void addLayerFolder(const std::filesystem::path &folder)
     // The loader ignores VK_ADD_LAYER_PATH where the user has set VK_LAYER_PATH.
     const char *name = variable("VK_LAYER_PATH") ? "VK_LAYER_PATH" : "VK_ADD_LAYER_PATH";
     const std::string old = variable(name).value_or("");
-    setVariable(name, utf8Text(folder) + (old.empty() ? "" : kListSeparator + old)); // the loader takes the first
+    // Behind the others: loader 1.3.239 takes the order of layers from that of their folders.
+    setVariable(name, old.empty() ? utf8Text(folder) : old + kListSeparator + utf8Text(folder));
 }
 
 void offerLayer(const std::optional<std::filesystem::path> &folder)
