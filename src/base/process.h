@@ -94,7 +94,7 @@ struct ProgramEnd {
 
 // Runs a program with the streams, the environment and the terminal of this process, and waits for its end. `words`:
 // its name, looked up in PATH, and its arguments. Signals that are sent to this process alone are passed on.
-// `seconds`: after these it is ended with the processes that it started; it then runs in a process group of its own.
+// `seconds`: it runs in a process group of its own (Windows: a job), which is ended after these.
 ProgramEnd runProgram(std::span<const std::string> words, std::optional<double> seconds);
 // A line for the help.
 extern const char *const kExitCodesOfPrograms;

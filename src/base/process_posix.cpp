@@ -395,13 +395,9 @@ ProgramEnd runProgram(std::span<const std::string> words, std::optional<double> 
     }
     end.timedOut = seconds && endAfter(*seconds);
     constexpr double kSecondsToDie = 5;
-    if (end.timedOut && !waitForProgram(kSecondsToDie)) { // it hangs in the kernel
-        program = 0;
-        end.code = ProgramEnd::kTimedOut;
-        return end;
-    }
+    const bool hangsInKernel = end.timedOut && !waitForProgram(kSecondsToDie);
     int status = 0;
-    while (waitpid(program, &status, 0) < 0)
+    while (!hangsInKernel && waitpid(program, &status, 0) < 0)
         if (errno != EINTR)
             throw Error("the program cannot be waited for");
     program = 0;

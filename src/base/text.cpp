@@ -230,6 +230,18 @@ std::string hexadecimal(uint64_t number)
     return text;
 }
 
+std::string hexOf(std::span<const uint8_t> bytes)
+{
+    constexpr std::string_view kDigits = "0123456789abcdef";
+    std::string text;
+    text.reserve(2 * bytes.size());
+    for (const uint8_t byte : bytes) {
+        text += kDigits[byte >> 4];
+        text += kDigits[byte & 15];
+    }
+    return text;
+}
+
 std::optional<uint64_t> parseHexadecimal(std::string_view text)
 {
     if (!text.starts_with("0x"))

@@ -49,5 +49,7 @@ std::string markupText(std::string_view text);
 // "0x0123456789abcdef": numbers of 64 bits are strings in JSON.
 std::string hexadecimal(uint64_t number);
 std::optional<uint64_t> parseHexadecimal(std::string_view text);
+// "00ff": two digits for each byte.
+std::string hexOf(std::span<const uint8_t> bytes);
 
 } // namespace vellum

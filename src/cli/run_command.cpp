@@ -161,12 +161,12 @@ bool writeFile(const std::optional<std::filesystem::path> &path, const std::stri
 // Writes the files of the options. If one cannot be written, a run that succeeded fails.
 void writeReports(const RunOptions &options, RunReport &report, bool quiet = false)
 {
-    const bool junit = writeFile(options.junit, junitXml(report), quiet);
-    if (!junit && report.exitCode == 0)
-        report.exitCode = static_cast<int>(ExitCode::Failed);
-    const bool json = writeFile(options.json, reportJson(report), quiet);
-    if (!json && report.exitCode == 0)
-        report.exitCode = static_cast<int>(ExitCode::Failed);
+    const auto write = [&](const std::optional<std::filesystem::path> &path, const std::string &text) {
+        if (!writeFile(path, text, quiet) && report.exitCode == 0)
+            report.exitCode = static_cast<int>(ExitCode::Failed);
+    };
+    write(options.junit, junitXml(report));
+    write(options.json, reportJson(report)); // it states the exit code
 }
 
 int exitWithoutRun(const RunOptions &options, RunReport &report, int code, const std::string &why)

@@ -2,6 +2,7 @@
 #include "gpu/execution_mode.h"
 
 #include <cstring>
+#include <initializer_list>
 #include <map>
 #include <set>
 #include <stdexcept>
@@ -25,6 +26,13 @@ uint32_t flagsOf(uint32_t opcode)
 {
     constexpr uint32_t kTraceRay = 4445, kInitialize = 4473;
     return opcode == kTraceRay ? 2 : opcode == kInitialize ? 3 : 0;
+}
+
+// An instruction
+void put(std::vector<uint32_t> &out, uint32_t opcode, std::initializer_list<uint32_t> operands)
+{
+    out.push_back(static_cast<uint32_t>(operands.size() + 1) << 16 | opcode);
+    out.insert(out.end(), operands);
 }
 
 // OpExtension
@@ -51,11 +59,7 @@ std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint3
                    inverse = computed ? out[3]++ : 0;
     uint32_t function = 0;
     bool begun = false, decorated = mode != Mode::Specialized && !computed;
-    const auto put = [&out](uint32_t opcode, std::initializer_list<uint32_t> operands) {
-        out.push_back(static_cast<uint32_t>(operands.size() + 1) << 16 | opcode);
-        out.insert(out.end(), operands);
-    };
-    put(kCapability, {6032});
+    put(out, kCapability, {6032});
     bool named = false;
     for (size_t at = kHeader; at < words.size(); at += words[at] >> 16) {
         const uint32_t opcode = words[at] & 0xffff;
@@ -66,13 +70,13 @@ std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint3
         if (opcode == kEntryPoint)
             function = words[at + 2];
         if (opcode == kSource && !begun) {
-            put(kExecutionModeId, {function, 6031, constant});
+            put(out, kExecutionModeId, {function, 6031, constant});
             begun = true;
         }
         if (opcode == kTypeVoid && !decorated) {
-            put(kDecorate, {one, kSpecId, specId});
+            put(out, kDecorate, {one, kSpecId, specId});
             if (computed)
-                put(kDecorate, {other, kSpecId, specId + 1});
+                put(out, kDecorate, {other, kSpecId, specId + 1});
             decorated = true;
         }
         out.insert(out.end(), words.begin() + static_cast<ptrdiff_t>(at),
@@ -80,11 +84,11 @@ std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint3
         if (opcode != kTypeBool)
             continue;
         const uint32_t type = words[at + 1];
-        put(mode == Mode::True ? kTrue : mode == Mode::False ? kFalse : kSpecFalse, {type, one});
+        put(out, mode == Mode::True ? kTrue : mode == Mode::False ? kFalse : kSpecFalse, {type, one});
         if (computed) {
-            put(kSpecFalse, {type, other});
-            put(kSpecOperation, {type, inverse, kLogicalNot, other});
-            put(kSpecOperation, {type, constant, kLogicalAnd, one, inverse});
+            put(out, kSpecFalse, {type, other});
+            put(out, kSpecOperation, {type, inverse, kLogicalNot, other});
+            put(out, kSpecOperation, {type, constant, kLogicalAnd, one, inverse});
         }
     }
     if (!begun || !decorated)
@@ -100,10 +104,6 @@ std::vector<uint32_t> withOtherEntry(std::span<const uint32_t> words, Mode mode,
     out[3] += 3;
     uint32_t main = 0, other = 0; // the functions of the two entry points: one is new, one has the id of the first
     std::vector<uint32_t> wrappers, modes;
-    const auto put = [](std::vector<uint32_t> &to, uint32_t opcode, std::initializer_list<uint32_t> operands) {
-        to.push_back(static_cast<uint32_t>(operands.size() + 1) << 16 | opcode);
-        to.insert(to.end(), operands);
-    };
     for (size_t at = kHeader; at < words.size(); at += words[at] >> 16) {
         const uint32_t opcode = words[at] & 0xffff;
         std::vector<uint32_t> in(words.begin() + static_cast<ptrdiff_t>(at),
@@ -247,10 +247,6 @@ std::vector<uint32_t> withSelectedFlags(std::span<const uint32_t> words, uint32_
     uint32_t boolean = 0, type = 0;
     std::set<uint32_t> known; // ids of ordinary constants
     bool declared = false;
-    const auto put = [&out](uint32_t opcode, std::initializer_list<uint32_t> operands) {
-        out.push_back(static_cast<uint32_t>(operands.size() + 1) << 16 | opcode);
-        out.insert(out.end(), operands);
-    };
     for (size_t at = kHeader; at < words.size(); at += words[at] >> 16) {
         std::vector<uint32_t> in(words.begin() + static_cast<ptrdiff_t>(at),
                                  words.begin() + static_cast<ptrdiff_t>(at + (words[at] >> 16)));
@@ -264,14 +260,14 @@ std::vector<uint32_t> withSelectedFlags(std::span<const uint32_t> words, uint32_
         if (opcode == kFunction && !declared) {
             if (boolean == 0 || type == 0)
                 throw std::runtime_error("a module without the types that a selection needs");
-            put(kConstant, {type, constants, first});
-            put(kConstant, {type, constants + 1, second});
+            put(out, kConstant, {type, constants, first});
+            put(out, kConstant, {type, constants + 1, second});
             declared = true;
         }
         if (const uint32_t place = flagsOf(opcode); place != 0 && !known.contains(in[place])) {
             const uint32_t equal = out[3]++, selected = out[3]++;
-            put(kEqual, {boolean, equal, in[place], constants});
-            put(kSelect, {type, selected, equal, constants, constants + 1});
+            put(out, kEqual, {boolean, equal, in[place], constants});
+            put(out, kSelect, {type, selected, equal, constants, constants + 1});
             in[place] = selected;
         }
         out.insert(out.end(), in.begin(), in.end());

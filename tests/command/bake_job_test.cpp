@@ -68,6 +68,14 @@ std::multimap<std::string, std::string> statusesIn(const fs::path &log)
 
 using Statuses = std::multimap<std::string, std::string>;
 
+// Models with alpha in the folder "in".
+void writeCards(const TemporaryFolder &folder, std::initializer_list<const char *> names)
+{
+    fs::create_directories(folder / "in");
+    for (const char *name : names)
+        writeFile(folder / "in" / name, cardGlb());
+}
+
 } // namespace
 
 TEST(BakeJob, TakesAList)
@@ -402,9 +410,7 @@ TEST(BakeJob, ResumingNeedsAllFilesOfAnOutput)
 TEST(BakeJob, WhatWasDoneWithOtherOptionsIsBakedAgain)
 {
     const TemporaryFolder folder;
-    fs::create_directories(folder / "in");
-    for (const char *name : {"in/a.glb", "in/b.glb"})
-        writeFile(folder / name, cardGlb());
+    writeCards(folder, {"a.glb", "b.glb"});
     const std::string log = (folder / "log").string();
     const auto bake = [&](std::vector<std::string> options) {
         options.insert(options.begin(), {"bake", (folder / "in").string(), "-o", (folder / "out").string(), "--log",
@@ -490,9 +496,7 @@ TEST(BakeJob, StopsWhereNothingCanBeWritten)
     for (const auto &[variable, error] :
          {std::pair{"VELLUM_WRITE_ERROR", ENOSPC}, {"VELLUM_WRITE_ERROR", EROFS}, {"VELLUM_ACCESS_ERROR", EACCES}}) {
         const TemporaryFolder folder;
-        fs::create_directories(folder / "in");
-        for (const char *name : {"in/a.glb", "in/b.glb", "in/c.glb"})
-            writeFile(folder / name, cardGlb());
+        writeCards(folder, {"a.glb", "b.glb", "c.glb"});
         const Outcome outcome = runVellum(
             {"bake", (folder / "in").string(), "-o", (folder / "out").string(), "-j", "1", "--level", "8", "--log",
              (folder / "log").string()},
@@ -556,9 +560,7 @@ TEST(BakeJob, BakesWhatFits)
 TEST(BakeJob, AnInterruptedBakeHasLoggedWhatIsDone)
 {
     const TemporaryFolder folder;
-    fs::create_directories(folder / "in");
-    for (const char *name : {"in/a.glb", "in/b.glb"})
-        writeFile(folder / name, cardGlb());
+    writeCards(folder, {"a.glb", "b.glb"});
     const std::string log = (folder / "log").string();
     const std::vector<std::string> bake = {
         "bake", (folder / "in").string(), "-o", (folder / "out").string(), "-j", "1", "--log", log, "--resume", log};

@@ -351,11 +351,7 @@ std::string digestOf(const BakeCommandOptions &options)
     Sha256 sha256;
     sha256.add(bakeKey(std::array{BakeInput()}, {}, bake));
     sha256.add({reinterpret_cast<const uint8_t *>(text.data()), text.size()});
-    uint64_t number = 0;
-    const Digest digest = sha256.finish();
-    for (size_t i = 0; i < sizeof number; ++i)
-        number = number << 8 | digest[i];
-    return hexadecimal(number).substr(2);
+    return hexOf(sha256.finish()).substr(0, 16);
 }
 
 std::function<int()> declareBakeCommand(CLI::App &app)

@@ -35,7 +35,7 @@ fs::path besideInput(const fs::path &input)
 }
 
 // Returns whether vellum bake wrote it. Throws GltfError.
-bool isOwnOutput(const fs::path &path)
+bool isBakeOutput(const fs::path &path)
 {
     const Container container = readJson(path);
     return isOwnFile(JsonTree(container.json()).root());
@@ -48,7 +48,7 @@ void checkOperands(const fs::path &input, const fs::path &output)
     if (isStandardStream(input) || !fs::is_regular_file(output, error) || fs::equivalent(input, output, error))
         return;
     try {
-        if (!isOwnOutput(input) || !isOwnOutput(output))
+        if (!isBakeOutput(input) || !isBakeOutput(output))
             return;
     } catch (const GltfError &) {
         return; // planning or the bake reports it
@@ -66,7 +66,7 @@ bool isReplaceable(const BakeJob &job)
     if (isStandardStream(job.output) || !fs::exists(job.output, error))
         return true;
     try {
-        if (isOwnOutput(job.output))
+        if (isBakeOutput(job.output))
             return true;
     } catch (const GltfError &) {
         // It may be a copy of an input that cannot be read either.

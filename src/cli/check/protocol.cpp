@@ -24,18 +24,6 @@ constexpr std::array kEvents = {"device", "begin", "end", "error"};
 constexpr std::array kStatuses = {check::Status::Pass,  check::Status::Fail,    check::Status::Skip,
                                   check::Status::Crash, check::Status::Timeout, check::Status::DeviceLost};
 
-std::string hexOf(const std::string &bytes)
-{
-    constexpr const char *kDigits = "0123456789abcdef";
-    std::string text;
-    text.reserve(2 * bytes.size());
-    for (const char c : bytes) {
-        text += kDigits[static_cast<uint8_t>(c) >> 4];
-        text += kDigits[static_cast<uint8_t>(c) & 15];
-    }
-    return text;
-}
-
 std::string bytesOf(const std::string &hex)
 {
     std::string bytes;
@@ -69,7 +57,10 @@ void writeOutcome(const check::Outcome &outcome, JsonWriter &json)
     json.member("status", nameOf(outcome.status)).member("cause", outcome.cause).member("detail", outcome.detail);
     json.member("reproducer", outcome.reproducer).member("rays", hexadecimal(outcome.rays));
     json.list("files", outcome.files, [&](const check::OutcomeFile &file) {
-        json.beginObject().member("extension", file.extension).member("hex", hexOf(file.bytes)).end();
+        json.beginObject()
+            .member("extension", file.extension)
+            .member("hex", hexOf({reinterpret_cast<const uint8_t *>(file.bytes.data()), file.bytes.size()}))
+            .end();
     });
 }
 

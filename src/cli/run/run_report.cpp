@@ -10,13 +10,24 @@
 #include "base/text.h"
 #include "base/version.h"
 #include "inspect/report_parts.h"
+#include "layer/base/setting_names.h"
 
 namespace vellum::cli
 {
 namespace
 {
 
-constexpr std::string_view kAllParts = "core, gpu, sync"; // as the layer writes them
+// All parts of validation, as the layer writes them.
+const std::string &allParts()
+{
+    struct All {
+#define VELLUM_MEMBER(name, member, label, description) bool member = true;
+        VELLUM_CHECKS(VELLUM_MEMBER)
+#undef VELLUM_MEMBER
+    };
+    static const std::string parts = layer::namesOf(All());
+    return parts;
+}
 
 struct Message {
     MessageSeverity severity;
@@ -114,11 +125,11 @@ size_t MessageSummary::ignored() const
 
 std::string MessageSummary::partsInWords() const
 {
-    if (parts.empty() || (parts.size() == 1 && parts.front() == kAllParts))
+    if (parts.empty() || (parts.size() == 1 && parts.front() == allParts()))
         return {};
     std::string text;
     for (const std::string &part : parts)
-        text += (text.empty() ? "" : "; ") + part + (part == kAllParts ? "" : " only");
+        text += (text.empty() ? "" : "; ") + part + (part == allParts() ? "" : " only");
     return text;
 }
 

@@ -10,6 +10,8 @@ namespace vellum
 namespace
 {
 
+constexpr bool kDecodesVersion1 = MESHOPTIMIZER_VERSION >= 230; // of the codec of attributes
+
 std::string libraryVersion()
 {
     constexpr int kVersion = MESHOPTIMIZER_VERSION;
@@ -26,7 +28,7 @@ std::string libraryVersion()
 // version.
 void checkVersion(const CompressedView &view, std::span<const uint8_t> encoded)
 {
-    constexpr int kNewestAttributes = MESHOPTIMIZER_VERSION >= 230 ? 0xa1 : 0xa0;
+    constexpr int kNewestAttributes = kDecodesVersion1 ? 0xa1 : 0xa0;
     const int newest = view.mode == "ATTRIBUTES" ? kNewestAttributes : view.mode == "TRIANGLES" ? 0xe1 : 0xd1;
     if (encoded.empty() || (encoded[0] & 0xf0) != (newest & 0xf0) || encoded[0] <= newest)
         return;
@@ -35,11 +37,13 @@ void checkVersion(const CompressedView &view, std::span<const uint8_t> encoded)
 }
 
 #if MESHOPTIMIZER_VERSION >= 1000
+constexpr bool kDecodesColors = true;
 void decodeColors(std::vector<uint8_t> &colors, const CompressedView &view)
 {
     meshopt_decodeFilterColor(colors.data(), view.count, view.byteStride);
 }
 #else
+constexpr bool kDecodesColors = false;
 void decodeColors(std::vector<uint8_t> &, const CompressedView &)
 {
     failByVersion("has a compression with the filter COLOR", "meshoptimizer 1.0 or newer");
@@ -52,9 +56,8 @@ const bool kDecompressesMeshes = true;
 
 std::string undecodableByMeshoptimizer()
 {
-    constexpr int kVersion = MESHOPTIMIZER_VERSION;
-    const char *what = kVersion < 230    ? "version 1 of the codec and the filter COLOR"
-                       : kVersion < 1000 ? "the filter COLOR"
+    const char *what = !kDecodesVersion1 ? "version 1 of the codec and the filter COLOR"
+                       : !kDecodesColors ? "the filter COLOR"
                                          : "";
     return *what == 0 ? "" : std::string(what) + " (meshoptimizer " + libraryVersion() + ")";
 }

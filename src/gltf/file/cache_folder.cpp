@@ -5,8 +5,8 @@
 #include <chrono>
 #include <fstream>
 #include <random>
-#include <string_view>
 
+#include "base/text.h"
 #include "core/utf8_path.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/new_file.h"
@@ -43,17 +43,6 @@ uint64_t onDisk(uint64_t bytes)
     return (bytes + kBlock - 1) / kBlock * kBlock;
 }
 
-std::string hex(std::span<const uint8_t> bytes)
-{
-    constexpr std::string_view kDigits = "0123456789abcdef";
-    std::string text;
-    for (const uint8_t byte : bytes) {
-        text += kDigits[byte >> 4];
-        text += kDigits[byte & 15];
-    }
-    return text;
-}
-
 } // namespace
 
 CacheFolder::CacheFolder(const fs::path &folder, uint64_t size) : folder_(folder / "micromaps"), part_(size / kFolders)
@@ -71,7 +60,7 @@ size_t CacheFolder::numberOf(const Digest &key) const
 fs::path CacheFolder::folderOf(size_t number) const
 {
     const auto name = static_cast<uint8_t>(number);
-    return folder_ / hex({&name, 1});
+    return folder_ / hexOf({&name, 1});
 }
 
 void CacheFolder::note(const std::string &problem)
@@ -89,7 +78,7 @@ std::string CacheFolder::problem() const
 
 std::optional<std::vector<uint8_t>> CacheFolder::get(const Digest &key)
 {
-    const fs::path path = folderOf(numberOf(key)) / hex(key);
+    const fs::path path = folderOf(numberOf(key)) / hexOf(key);
     std::error_code error;
     const uintmax_t size = fs::file_size(path, error);
     if (error) {
@@ -123,7 +112,7 @@ void CacheFolder::put(const Digest &key, std::span<const uint8_t> value)
         std::error_code error;
         if (fs::create_directories(folder, error); error)
             throw GltfError(utf8Text(folder) + ": the folder cannot be made: " + error.message());
-        NewFile file(folder / hex(key));
+        NewFile file(folder / hexOf(key));
         file.write(value);
         if (file.appear() == NewFile::Appeared::No)
             file.replace();

@@ -49,11 +49,7 @@ void padTo(std::vector<uint8_t> &bytes, size_t alignment, uint8_t with = 0)
 // In hexadecimal digits: equal bytes have equal names.
 std::string digest(std::span<const uint8_t> bytes)
 {
-    const uint64_t hash = hashBytes(bytes.data(), bytes.size());
-    std::string text;
-    for (int shift = 60; shift >= 0; shift -= 4)
-        text += "0123456789abcdef"[hash >> shift & 15];
-    return text;
+    return hexadecimal(hashBytes(bytes.data(), bytes.size())).substr(2);
 }
 
 class Writer

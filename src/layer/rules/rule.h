@@ -171,8 +171,8 @@ public:
         return verdict;
     }
     // Reports a violation. All violations are reported here: a warning if the layer carries the command out all the
-    // same and nothing validates, and otherwise an error. `id`: as the specification names the rule; for one that it lacks, an id of Vellum.
-    // `member`: null: the place of the check. `text`: what was found, what is expected.
+    // same and nothing validates, and otherwise an error. `id`: as the specification names the rule; for one that it
+    // lacks, an id of Vellum. `member`: null: the place of the check. `text`: what was found, what is expected.
     Verdict report(const char *id, const char *member, const std::string &text,
                    Severity severity = Severity::Reject) const;
 
