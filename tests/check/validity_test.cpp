@@ -388,8 +388,6 @@ const Break kBreaks[] = {
          triangle.format = kTwoState;
          triangle.states[0] = 2;
      })},
-    {"a micromap needs a triangle",
-     kForIndices([](oracle::MeshMicromap &use, Case &c) { c.scene.micromaps[*use.micromap].triangles.clear(); })},
     {"triangleStride 4 is below 8",
      kForIndices([](oracle::MeshMicromap &use, Case &c) { c.scene.micromaps[*use.micromap].triangleStride = 4; })},
     {"exclude each other",

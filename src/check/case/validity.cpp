@@ -52,7 +52,6 @@ bool oneAtMost(uint32_t flags, uint32_t of)
 void checkMicromapTriangles(const std::vector<oracle::MicromapTriangle> &triangles, const std::string &where,
                             uint64_t &states)
 {
-    rule(!triangles.empty(), where, "a micromap needs a triangle");
     for (size_t i = 0; i < triangles.size(); ++i) {
         const oracle::MicromapTriangle &triangle = triangles[i];
         const std::string here = fmt::format("{}[{}]", where, i);
@@ -103,7 +102,8 @@ void checkUse(const Scene &scene, const MeshMicromap &use, size_t triangles, con
 {
     const size_t count =
         use.micromap && *use.micromap < scene.micromaps.size() ? scene.micromaps[*use.micromap].triangles.size() : 0;
-    rule(!use.micromap || count > 0, where, "micromap {} does not exist", use.micromap.value_or(0));
+    rule(!use.micromap || *use.micromap < scene.micromaps.size(), where, "micromap {} does not exist",
+         use.micromap.value_or(0));
     rule(isNamed(kIndexTypeNames, use.indexType), where, "no such index type");
     rule((use.usage & ~allOf(kUsageNames)) == 0, where, "no such form of usage counts");
     rule(use.indices.size() == triangles, where, "{} indices for {} triangles", use.indices.size(), triangles);

@@ -39,11 +39,49 @@ Case withSteps(Random &random, const DeviceLimits &limits, std::span<const Kind>
     return c;
 }
 
+// Constant ray flags cull boxes that are not opaque, in hit groups without any-hit shaders.
+void copyBoxes(Case &c)
+{
+    if (c.trace.method != TracePlan::Method::Pipeline || c.trace.flags == TracePlan::Flags::RunTime)
+        return;
+    for (uint32_t o = 0; o < c.scene.objects.size(); ++o)
+        if (c.scene.objects[o].hasBoxes())
+            c.steps.insert(c.steps.begin(), {.kind = Kind::CloneObject, .target = o});
+    c.trace.pipeline.table.records = {oracle::HitRecord::WithoutAnyHit};
+    for (Ray &ray : c.scene.rays)
+        ray.flags = (ray.flags & ~(kRayOpaque | kRayNoOpaque | kRayCullOpaque | kRaySkipBoxes)) | kRayCullNoOpaque;
+}
+
+// A micromap without triangles, for meshes whose indices are all special.
+void addEmptyMicromap(Random &random, Case &c)
+{
+    const auto number = static_cast<uint32_t>(c.scene.micromaps.size());
+    oracle::SceneMicromap micromap;
+    micromap.flags = chance(random, 50) ? VkBuildMicromapFlagsEXT{VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT} : 0u;
+    c.steps.insert(c.steps.begin(),
+                   {.kind = micromap.flags != 0 ? Kind::CompactMicromap : Kind::CloneMicromap, .target = number});
+    c.scene.micromaps.push_back(std::move(micromap));
+    for (oracle::Object &object : c.scene.objects) {
+        for (oracle::Mesh &mesh : object.meshes) {
+            if (object.hasBoxes() || mesh.micromap)
+                continue;
+            oracle::MeshMicromap use{.micromap = number, .indexType = VK_INDEX_TYPE_UINT16};
+            for (uint32_t i = 0; i < mesh.triangles(); ++i)
+                use.indices.push_back(-1 - static_cast<int32_t>(below(random, 4)));
+            mesh.micromap = std::move(use);
+        }
+    }
+}
+
 Case copies(Random &random, const DeviceLimits &limits)
 {
     constexpr std::array kinds{Kind::CloneObject,   Kind::CompactObject,   Kind::MoveObject, Kind::RenameObject,
                                Kind::CloneMicromap, Kind::CompactMicromap, Kind::CloneTop,   Kind::CompactTop};
-    return withSteps(random, limits, kinds, 5);
+    Case c = withSteps(random, limits, kinds, 5);
+    copyBoxes(c);
+    if (chance(random, 15))
+        addEmptyMicromap(random, c);
+    return c;
 }
 
 Case serialization(Random &random, const DeviceLimits &limits)
@@ -132,7 +170,7 @@ Case hostCopies(Random &random, const DeviceLimits &limits)
 }
 
 constexpr std::array kObjectsGroups{
-    Group{"copies", "clones and compacted copies of micromaps, bottom and top level structures",
+    Group{"copies", "clones and compacted copies of micromaps, some without triangles, bottom and top level structures",
           "vkCmdCopyAccelerationStructureKHR, vkCmdCopyMicromapEXT: CLONE, COMPACT; "
           "VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT",
           200, runGroup<copies>, 200},
