@@ -114,7 +114,6 @@ void Context::choosePhysicalDevice(const std::vector<const char *> &extensions)
 
 void Context::createDevice(const std::vector<const char *> &extensions, void *features)
 {
-    // [features]
     VkPhysicalDeviceRayQueryFeaturesKHR rayQuery{
         .sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR, .pNext = features, .rayQuery = VK_TRUE};
     VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{
@@ -127,7 +126,6 @@ void Context::createDevice(const std::vector<const char *> &extensions, void *fe
     VkPhysicalDeviceVulkan13Features vulkan13{.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES,
                                               .pNext = &vulkan12,
                                               .synchronization2 = VK_TRUE};
-    // [features end]
     const float priority = 1;
     const VkDeviceQueueCreateInfo queue{.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO,
                                         .queueFamilyIndex = findComputeFamily(physicalDevice_),
@@ -285,7 +283,6 @@ VkDeviceAddress Context::buildCard(const void *opacityMicromap)
     constexpr VkBufferUsageFlags kInput = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
     const Buffer positions = upload(std::span<const float>(kCardPositions), kInput);
     const Buffer indices = upload(std::span<const uint16_t>(kCardIndices), kInput);
-    // [geometry]
     VkAccelerationStructureGeometryKHR geometry{.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR,
                                                 .geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR};
     geometry.geometry.triangles = {.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR,
@@ -296,7 +293,6 @@ VkDeviceAddress Context::buildCard(const void *opacityMicromap)
                                    .maxVertex = 3,
                                    .indexType = VK_INDEX_TYPE_UINT16,
                                    .indexData = {.deviceAddress = indices.address}};
-    // [geometry end]
     return buildStructure(VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, geometry, kCardTriangles);
 }
 

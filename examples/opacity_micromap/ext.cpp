@@ -16,19 +16,15 @@ namespace
 // it.
 VkMicromapEXT buildMicromap(Context &context, const vellum::Micromap &baked)
 {
-    // [empty]
     if (baked.triangles().empty())
         return VK_NULL_HANDLE; // every index is special
-    // [empty end]
 
-    // [inputs]
     constexpr VkBufferUsageFlags kInput = VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
     const Buffer data = context.upload(baked.data(), kInput);           // at a multiple of 256 bytes
     const Buffer triangles = context.upload(baked.triangles(), kInput); // at a multiple of 256 bytes
     std::vector<VkMicromapUsageEXT> usages;
     for (const vellum::MicromapUsage &usage : baked.usages())
         usages.push_back({usage.count, usage.subdivisionLevel, usage.format});
-    // [inputs end]
 
     // [build]
     VkMicromapBuildInfoEXT build{.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT,

@@ -18,19 +18,15 @@ namespace
 // it.
 VkAccelerationStructureKHR buildMicromap(Context &context, const vellum::Micromap &baked)
 {
-    // [empty]
     if (baked.triangles().empty())
         return VK_NULL_HANDLE; // every index is special
-    // [empty end]
 
-    // [inputs]
     constexpr VkBufferUsageFlags kInput = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
     const Buffer data = context.upload(baked.data(), kInput);           // at a multiple of 128 bytes
     const Buffer triangles = context.upload(baked.triangles(), kInput); // at a multiple of 128 bytes
     std::vector<VkMicromapUsageKHR> usages;
     for (const vellum::MicromapUsage &usage : baked.usages())
         usages.push_back({usage.count, usage.subdivisionLevel, static_cast<VkOpacityMicromapFormatKHR>(usage.format)});
-    // [inputs end]
 
     // [build]
     const VkAccelerationStructureGeometryMicromapDataKHR micromapData{
@@ -90,7 +86,6 @@ VkAccelerationStructureKHR buildMicromap(Context &context, const vellum::Microma
 
 VkDeviceAddress buildBottomLevel(Context &context, const vellum::Micromap &baked, VkAccelerationStructureKHR micromap)
 {
-    // [attach]
     const Buffer indices = context.upload(baked.geometry(0).indices, // of the first input of the bake
                                           VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR);
     const VkAccelerationStructureTrianglesOpacityMicromapKHR opacity{
@@ -99,7 +94,6 @@ VkDeviceAddress buildBottomLevel(Context &context, const vellum::Micromap &baked
         .indexBuffer = indices.address,
         .indexStride = sizeof(int32_t),
         .micromap = micromap};
-    // [attach end]
     return context.buildCard(&opacity);
 }
 
