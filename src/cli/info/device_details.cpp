@@ -28,50 +28,28 @@ std::string apiVersionText(uint32_t version)
            std::to_string(VK_API_VERSION_PATCH(version));
 }
 
-struct Features {
-    bool structures = false;
-    bool addresses = false;
-    bool synchronization2 = false;
-};
-
-// The features that the layer requires of a device (docs/limitations.md). The device must be one of Vulkan 1.2.
-Features featuresOf(VkPhysicalDevice device, uint32_t version, const std::set<std::string> &extensions)
+// What the layer requires of a device (docs/limitations.md).
+void findMissing(DeviceDetails &details, VkPhysicalDevice device, uint32_t version)
 {
-    VkPhysicalDeviceVulkan13Features features13{};
-    features13.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES;
-    VkPhysicalDeviceSynchronization2Features synchronization2{};
-    synchronization2.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SYNCHRONIZATION_2_FEATURES;
-    VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{};
-    structures.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR;
-    VkPhysicalDeviceVulkan12Features features12{};
-    features12.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
-    const auto chain = [&](auto &feature) { feature.pNext = std::exchange(features12.pNext, &feature); };
-    if (extensions.contains(VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME))
-        chain(structures);
-    if (version >= VK_API_VERSION_1_3)
-        chain(features13);
-    else if (extensions.contains(VK_KHR_SYNCHRONIZATION_2_EXTENSION_NAME))
-        chain(synchronization2);
-    VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &features12, {}};
-    vkGetPhysicalDeviceFeatures2(device, &features);
-    return {structures.accelerationStructure == VK_TRUE, features12.bufferDeviceAddress == VK_TRUE,
-            features13.synchronization2 == VK_TRUE || synchronization2.synchronization2 == VK_TRUE};
-}
-
-void findMissing(DeviceDetails &details, VkPhysicalDevice device, uint32_t version,
-                 const std::set<std::string> &extensions)
-{
-    if (version < VK_API_VERSION_1_2) {
-        details.missing.push_back("Vulkan 1.2 (it has " + apiVersionText(version) + ")");
+    if (version < VK_API_VERSION_1_1) {
+        details.missing.push_back("Vulkan 1.1 (it has " + apiVersionText(version) + ")");
         return;
     }
-    const Features features = featuresOf(device, version, extensions);
-    details.accelerationStructures = features.structures;
-    if (!features.structures)
+    auto structures = vkInit<VkPhysicalDeviceAccelerationStructureFeaturesKHR>();
+    auto addresses = vkInit<VkPhysicalDeviceBufferDeviceAddressFeatures>();
+    auto features = vkInit<VkPhysicalDeviceFeatures2>();
+    // It depends on Vulkan 1.2 or VK_KHR_buffer_device_address.
+    if (details.extensions.contains(VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME)) {
+        addresses.pNext = &structures;
+        features.pNext = &addresses;
+    }
+    vkGetPhysicalDeviceFeatures2(device, &features);
+    details.accelerationStructures = structures.accelerationStructure == VK_TRUE;
+    if (!details.accelerationStructures)
         details.missing.push_back("acceleration structures (VK_KHR_acceleration_structure)");
-    if (!features.addresses)
+    else if (addresses.bufferDeviceAddress == VK_FALSE)
         details.missing.push_back("buffer device addresses (bufferDeviceAddress)");
-    if (!features.synchronization2)
+    if (version < VK_API_VERSION_1_3 && !details.extensions.contains(VK_KHR_SYNCHRONIZATION_2_EXTENSION_NAME))
         details.missing.push_back("Vulkan 1.3 or VK_KHR_synchronization2");
 }
 
@@ -166,7 +144,7 @@ std::vector<DeviceDetails> describeDevices(const gpu::Instance &instance)
         details.version = apiVersionText(properties.apiVersion);
         details.rayQueries = extensions.contains(VK_KHR_RAY_QUERY_EXTENSION_NAME);
         details.rayTracingPipelines = extensions.contains(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME);
-        findMissing(details, info.handle, properties.apiVersion, extensions);
+        findMissing(details, info.handle, properties.apiVersion);
         if (properties.apiVersion >= VK_API_VERSION_1_2)
             readProperties(details, info.handle);
         // The layer reports what it does for the device.
