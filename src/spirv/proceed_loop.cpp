@@ -127,6 +127,15 @@ bool nextAllowsEdge(const Module &module, const Function &function, const Procee
 
 } // namespace
 
+bool definesConvergence(const Module &module)
+{
+    return std::ranges::any_of(module.section(Section::ExecutionModes), [&](Instruction in) {
+        const uint32_t mode = module.word(in, 2);
+        return in.opcode == spv::OpExecutionMode && (mode == spv::ExecutionModeSubgroupUniformControlFlowKHR ||
+                                                     mode == spv::ExecutionModeMaximallyReconvergesKHR);
+    });
+}
+
 Function splitFunction(const Module &module, std::span<const Instruction> code)
 {
     Function f;

@@ -161,6 +161,24 @@ TEST(Loops, SideEffectsBeforeTheCallForbidTheFlatForm)
     EXPECT_EQ(flat("%x = OpRayQueryGetIntersectionTypeKHR %uint %q %i0\n"), 0u);
 }
 
+// Invocations that find a candidate in the same call run the body together, whatever was decided for each before.
+TEST(Loops, GuaranteedConvergenceForbidsTheFlatForm)
+{
+    std::string text = moduleText(loopOn("%q"));
+    text.replace(text.find("OpName"), 0, "OpExecutionMode %main SubgroupUniformControlFlowKHR\n");
+    text.replace(text.find("OpMemoryModel"), 0, "OpExtension \"SPV_KHR_subgroup_uniform_control_flow\"\n");
+    Module words = assemble(text);
+    EXPECT_EQ(formsOf(rewriteValid(words)).flatCalls, 0u);
+    // SPIR-V Tools may be too old for the other mode.
+    const uint32_t known = spv::ExecutionModeSubgroupUniformControlFlowKHR;
+    const uint32_t other = spv::ExecutionModeMaximallyReconvergesKHR;
+    std::ranges::replace(words, known, other);
+    Module rewritten = spirv::rewrite(words, {}).words;
+    std::ranges::replace(rewritten, other, known);
+    EXPECT_EQ(formsOf(rewritten).flatCalls, 0u);
+    EXPECT_EQ(formsOf(rewritten).innerCalls, 1u);
+}
+
 TEST(Loops, LineNumbersDoNotMatter)
 {
     std::string text = moduleText(loopOn("%q", "None", "OpLine %file 1 2\n"));
