@@ -101,6 +101,16 @@ bool phisAllowEdge(const Module &module, const Block &header, const Block &next,
            });
 }
 
+// Returns whether debug information is about ids that are defined outside of functions. Values of the loop's body need
+// not be defined on the new edge.
+bool usesGlobalsOnly(const Module &module, Instruction in)
+{
+    constexpr uint32_t kOperands = 5; // word of the first operand of OpExtInst
+    const Words words = module.words(in);
+    return in.opcode != spv::OpExtInst ||
+           std::all_of(words.begin() + kOperands, words.end(), [&](Id operand) { return module.isGlobal(operand); });
+}
+
 // A decided candidate must run nothing in the continue target except the branch to the header. If the loop's body is
 // the continue target (optimizers merge them), a new continue target is added after it.
 bool nextAllowsEdge(const Module &module, const Function &function, const ProceedLoop &loop)
@@ -111,11 +121,20 @@ bool nextAllowsEdge(const Module &module, const Function &function, const Procee
     if (loop.body == next.label)
         return edgeCount == 1;
     return edgeCount < kMaxEdges && std::all_of(next.code.begin() + 1, next.code.end() - 1, [&](Instruction in) {
-               return in.opcode == spv::OpPhi || isDebug(module, in);
+               return in.opcode == spv::OpPhi || (isDebug(module, in) && usesGlobalsOnly(module, in));
            });
 }
 
 } // namespace
+
+bool definesConvergence(const Module &module)
+{
+    return std::ranges::any_of(module.section(Section::ExecutionModes), [&](Instruction in) {
+        const uint32_t mode = module.word(in, 2);
+        return in.opcode == spv::OpExecutionMode && (mode == spv::ExecutionModeSubgroupUniformControlFlowKHR ||
+                                                     mode == spv::ExecutionModeMaximallyReconvergesKHR);
+    });
+}
 
 Function splitFunction(const Module &module, std::span<const Instruction> code)
 {

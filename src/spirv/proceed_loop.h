@@ -36,6 +36,11 @@ struct ProceedLoop {
     Id body = 0;      // label of the branch target for a candidate
 };
 
+// Returns whether an entry point defines which invocations run an instruction together, as subgroup operations observe
+// it. Those that find a candidate in the same call run the body together. With decisions in the loop they would not:
+// the body runs for some while others are still at candidates that are decided.
+bool definesConvergence(const Module &module);
+
 // The loop whose condition is the proceed call at `call` in block `check`. Nothing if the loop has another shape, or if
 // code between its continue target and the call must not run for a candidate that the application does not see.
 std::optional<ProceedLoop> findProceedLoop(const Module &module, const Function &function, size_t check, size_t call);

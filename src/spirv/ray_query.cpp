@@ -48,8 +48,9 @@ RayFlagMode RayQueries::findMode() const
 RayQueries::RayQueries(Module &module, Types &types, Linker &linker, Consumption &consumption,
                        SideVariables &hitObjects, RayQueryOptions options)
     : module_(module), types_(types), linker_(linker), reached_(options.reached), consumption_(consumption),
-      hitObjects_(hitObjects), options_(options), mode_(options.constantFlags ? findMode() : RayFlagMode{}),
-      queryFlags_(module, types, Beside::RayQueries), indices_(module, types, consumption),
+      hitObjects_(hitObjects), options_(options), definesConvergence_(definesConvergence(module)),
+      mode_(options.constantFlags ? findMode() : RayFlagMode{}), queryFlags_(module, types, Beside::RayQueries),
+      indices_(module, types, consumption),
       candidates_(module, types, linker, consumption, queryFlags_, indices_, mode_)
 {
 }
@@ -135,7 +136,7 @@ bool RayQueries::rewriteFunction(std::span<const Instruction> code, std::vector<
 
 bool RayQueries::decideInLoop(Function &function, size_t block, size_t call)
 {
-    if (consumes_.when == Consumes::When::Never)
+    if (consumes_.when == Consumes::When::Never || definesConvergence_)
         return false;
     const auto loop = findProceedLoop(module_, function, block, call);
     const Instruction in = function.blocks[block].code[call];

@@ -58,6 +58,7 @@ private:
     Consumption &consumption_;
     SideVariables &hitObjects_;
     RayQueryOptions options_;
+    bool definesConvergence_;
     RayFlagMode mode_;
     SideVariables queryFlags_;
     CandidateIndices indices_;

@@ -366,6 +366,10 @@ struct VkGeneratedCommandsInfoEXT {
 using PFN_vkCmdExecuteGeneratedCommandsEXT = void(VKAPI_PTR *)(VkCommandBuffer commandBuffer, VkBool32 isPreprocessed, const VkGeneratedCommandsInfoEXT *pGeneratedCommandsInfo);
 #endif
 
+#ifndef VK_NV_device_generated_commands_compute
+using PFN_vkGetPipelineIndirectMemoryRequirementsNV = void(VKAPI_PTR *)(VkDevice device, const VkComputePipelineCreateInfo *pCreateInfo, VkMemoryRequirements2 *pMemoryRequirements);
+#endif
+
 #ifndef VK_QCOM_tile_shading
 inline constexpr VkStructureType VK_STRUCTURE_TYPE_DISPATCH_TILE_INFO_QCOM = static_cast<VkStructureType>(1000309005);
 struct VkDispatchTileInfoQCOM {

@@ -48,6 +48,7 @@ NEWER = {
         VkLayerSettingsCreateInfoEXT""",
     "VK_EXT_device_generated_commands": """VkIndirectExecutionSetEXT VkIndirectCommandsLayoutEXT VkGeneratedCommandsInfoEXT
         vkCmdExecuteGeneratedCommandsEXT""",
+    "VK_NV_device_generated_commands_compute": "vkGetPipelineIndirectMemoryRequirementsNV",
     "VK_QCOM_tile_shading": "VkDispatchTileInfoQCOM vkCmdDispatchTileQCOM",
     "VK_KHR_maintenance10": "VkRenderingEndInfoKHR vkCmdEndRendering2KHR",
 }

@@ -42,6 +42,20 @@ Forms formsOfText(const std::string &text)
     return formsOf(rewriteValid(assemble(text)));
 }
 
+// Debug information about a local variable %local; withDebugSet() declares what it needs.
+constexpr const char *kDebugLocal = "%source = OpExtInst %void %set 35 %name\n"
+                                    "%unit = OpExtInst %void %set 1 %u1 %u1 %source %u2\n"
+                                    "%type = OpExtInst %void %set 2 %name %u0 %u0 %u0\n"
+                                    "%local = OpExtInst %void %set 26 %name %type %source %u1 %u1 %unit %u0\n"
+                                    "%expression = OpExtInst %void %set 31\n";
+
+std::string withDebugSet(std::string text, const std::string &set)
+{
+    text.replace(text.find("OpName"), 0, "%name = OpString \"q\"\n");
+    return text.replace(text.find("OpMemoryModel"), 0,
+                        "OpExtension \"SPV_KHR_non_semantic_info\"\n%set = OpExtInstImport \"" + set + "\"\n");
+}
+
 // The module with an instruction put before the first one of another opcode.
 Module insertBefore(const Module &words, uint32_t opcode, const Module &instruction)
 {
@@ -147,6 +161,24 @@ TEST(Loops, SideEffectsBeforeTheCallForbidTheFlatForm)
     EXPECT_EQ(flat("%x = OpRayQueryGetIntersectionTypeKHR %uint %q %i0\n"), 0u);
 }
 
+// Invocations that find a candidate in the same call run the body together, whatever was decided for each before.
+TEST(Loops, GuaranteedConvergenceForbidsTheFlatForm)
+{
+    std::string text = moduleText(loopOn("%q"));
+    text.replace(text.find("OpName"), 0, "OpExecutionMode %main SubgroupUniformControlFlowKHR\n");
+    text.replace(text.find("OpMemoryModel"), 0, "OpExtension \"SPV_KHR_subgroup_uniform_control_flow\"\n");
+    Module words = assemble(text);
+    EXPECT_EQ(formsOf(rewriteValid(words)).flatCalls, 0u);
+    // SPIR-V Tools may be too old for the other mode.
+    const uint32_t known = spv::ExecutionModeSubgroupUniformControlFlowKHR;
+    const uint32_t other = spv::ExecutionModeMaximallyReconvergesKHR;
+    std::ranges::replace(words, known, other);
+    Module rewritten = spirv::rewrite(words, {}).words;
+    std::ranges::replace(rewritten, other, known);
+    EXPECT_EQ(formsOf(rewritten).flatCalls, 0u);
+    EXPECT_EQ(formsOf(rewritten).innerCalls, 1u);
+}
+
 TEST(Loops, LineNumbersDoNotMatter)
 {
     std::string text = moduleText(loopOn("%q", "None", "OpLine %file 1 2\n"));
@@ -156,25 +188,33 @@ TEST(Loops, LineNumbersDoNotMatter)
     EXPECT_EQ(formsOfText(text).flatCalls, 1u);
 }
 
+// Debug information in the continue target must not use values of the body, which is not on the path to it if a
+// candidate is decided. Optimizers leave it for an assignment in the third part of a for loop.
+TEST(Loops, DebugInformationAboutTheBodyForbidsTheFlatForm)
+{
+    const auto flat = [](const std::string &value) {
+        std::string text = moduleText(loopOn("%q"), kDebugLocal);
+        text.replace(text.find("OpRayQueryConfirmIntersectionKHR"), 0, "%x = OpLoad %uint %result\n");
+        text.replace(text.find("%c = OpLabel"), 12,
+                     "%c = OpLabel\n%d = OpExtInst %void %set 29 %local " + value + " %expression\n");
+        return formsOfText(withDebugSet(text, "NonSemantic.Shader.DebugInfo.100")).flatCalls;
+    };
+    EXPECT_EQ(flat("%u1"), 1u);
+    EXPECT_EQ(flat("%x"), 0u);
+}
+
 // The custom index of a candidate is stored in a variable next to its query if all uses of the query are known. Debug
 // instructions about the query are not uses.
 TEST(Queries, KeepTheIndexInSpiteOfDebugInformation)
 {
     const std::string get = "%x = OpRayQueryGetIntersectionInstanceCustomIndexKHR %int %q %i0\nOpStore %var %u1\n";
-    const std::string declarations = "%source = OpExtInst %void %set 35 %name\n"
-                                     "%unit = OpExtInst %void %set 1 %u1 %u1 %source %u2\n"
-                                     "%type = OpExtInst %void %set 2 %name %u0 %u0 %u0\n"
-                                     "%local = OpExtInst %void %set 26 %name %type %source %u1 %u1 %unit %u0\n"
-                                     "%expression = OpExtInst %void %set 31\n";
     const auto variables = [&](const std::string &set) {
-        std::string text = moduleText("%p = OpRayQueryProceedKHR %bool %q\n"
-                                      "%d = OpExtInst %void %set 28 %local %q %expression\n" +
-                                          get,
-                                      declarations);
-        text.replace(text.find("OpName"), 0, "%name = OpString \"q\"\n");
-        text.replace(text.find("OpMemoryModel"), 0,
-                     "OpExtension \"SPV_KHR_non_semantic_info\"\n%set = OpExtInstImport \"" + set + "\"\n");
-        return count(disassemble(rewriteValid(assemble(text))), "OpVariable %_ptr_Function_uint Function");
+        const std::string text = moduleText("%p = OpRayQueryProceedKHR %bool %q\n"
+                                            "%d = OpExtInst %void %set 28 %local %q %expression\n" +
+                                                get,
+                                            kDebugLocal);
+        return count(disassemble(rewriteValid(assemble(withDebugSet(text, set)))),
+                     "OpVariable %_ptr_Function_uint Function");
     };
     const size_t others = variables("NonSemantic.Other"); // of unknown effect
     EXPECT_EQ(variables("NonSemantic.Shader.DebugInfo.100"), others + 1);

@@ -269,7 +269,7 @@ void writeSubstituteKey(DevicePipelines &device, const VkPipelineCreateInfoKHR &
     } else if (structure->sType == VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO) {
         const auto &own = *reinterpret_cast<const VkGraphicsPipelineCreateInfo *>(structure);
         addNumber(pipelineFlags(own.pNext, own.flags));
-        std::for_each_n(own.pStages, own.stageCount, addStage);
+        std::for_each_n(own.pStages, hasShaderStages(own) ? own.stageCount : 0, addStage);
     } else {
         const auto &own = *reinterpret_cast<const VkRayTracingPipelineCreateInfoKHR *>(structure);
         addNumber(pipelineFlags(own.pNext, own.flags));

@@ -148,6 +148,17 @@ VkResult createComputePipelines(DevicePipelines &device, VkDevice handle, VkPipe
                            device.driver.next.CreateComputePipelines);
 }
 
+// VK_NV_device_generated_commands_compute: the memory for a pipeline of the driver's code. If that cannot be made, the
+// pipeline cannot be created either.
+void getPipelineIndirectMemoryRequirements(DevicePipelines &device, VkDevice handle,
+                                           const VkComputePipelineCreateInfo *info, VkMemoryRequirements2 *requirements)
+{
+    VkComputePipelineCreateInfo own = *info;
+    DriverPipelineInfo driverInfo(device);
+    driverInfo.change(own);
+    device.driver.next.GetPipelineIndirectMemoryRequirementsNV(handle, &own, requirements);
+}
+
 VkResult createGraphicsPipelines(DevicePipelines &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
                                  const VkGraphicsPipelineCreateInfo *infos, const VkAllocationCallbacks *allocator,
                                  VkPipeline *pipelines)

@@ -47,6 +47,8 @@ VkResult createShaderModule(DevicePipelines &, VkDevice, const VkShaderModuleCre
 void destroyShaderModule(DevicePipelines &, VkDevice, VkShaderModule, const VkAllocationCallbacks *);
 VkResult createComputePipelines(DevicePipelines &, VkDevice, VkPipelineCache, uint32_t,
                                 const VkComputePipelineCreateInfo *, const VkAllocationCallbacks *, VkPipeline *);
+void getPipelineIndirectMemoryRequirements(DevicePipelines &, VkDevice, const VkComputePipelineCreateInfo *,
+                                           VkMemoryRequirements2 *);
 VkResult createGraphicsPipelines(DevicePipelines &, VkDevice, VkPipelineCache, uint32_t,
                                  const VkGraphicsPipelineCreateInfo *, const VkAllocationCallbacks *, VkPipeline *);
 VkResult createShaders(DevicePipelines &, VkDevice, uint32_t, const VkShaderCreateInfoEXT *,

@@ -88,6 +88,16 @@ VkResult createComputePipelines(DeviceValidation &device, VkDevice handle, VkPip
     });
 }
 
+// As when the pipeline is created.
+void getPipelineIndirectMemoryRequirements(DeviceValidation &device, VkDevice handle,
+                                           const VkComputePipelineCreateInfo *info, VkMemoryRequirements2 *requirements)
+{
+    VkComputePipelineCreateInfo own = *info;
+    MarkedPipelines marked(device.traces);
+    marked.change(own);
+    device.next.GetPipelineIndirectMemoryRequirementsNV(handle, &own, requirements);
+}
+
 VkResult createGraphicsPipelines(DeviceValidation &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
                                  const VkGraphicsPipelineCreateInfo *infos, const VkAllocationCallbacks *allocator,
                                  VkPipeline *pipelines)

@@ -207,6 +207,8 @@ inline constexpr uint32_t ExecutionModelTaskEXT = 5364;
 inline constexpr uint32_t ExecutionModelMeshEXT = 5365;
 
 // Execution modes
+inline constexpr uint32_t ExecutionModeSubgroupUniformControlFlowKHR = 4421;
+inline constexpr uint32_t ExecutionModeMaximallyReconvergesKHR = 6023;
 inline constexpr uint32_t ExecutionModeOpacityMicromapIdKHR = 6031;
 
 // Storage classes

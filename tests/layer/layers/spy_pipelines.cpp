@@ -163,6 +163,15 @@ VKAPI_ATTR VkResult VKAPI_CALL createComputePipelines(VkDevice handle, VkPipelin
     return result;
 }
 
+// Of VK_NV_device_generated_commands_compute, which lavapipe has not.
+VKAPI_ATTR void VKAPI_CALL getIndirectMemoryRequirements(VkDevice handle, const VkComputePipelineCreateInfo *info,
+                                                         VkMemoryRequirements2 *requirements)
+{
+    expectPromises("vkGetPipelineIndirectMemoryRequirementsNV", pipelineFlags(info->pNext, info->flags));
+    expectStageModules(keyOf(handle), "vkGetPipelineIndirectMemoryRequirementsNV", {&info->stage, 1});
+    requirements->memoryRequirements = {256, 256, 1};
+}
+
 VKAPI_ATTR VkResult VKAPI_CALL createGraphicsPipelines(VkDevice handle, VkPipelineCache cache, uint32_t count,
                                                        const VkGraphicsPipelineCreateInfo *infos,
                                                        const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
@@ -387,6 +396,7 @@ std::span<const Row> pipelines()
     static const Row rows[]{
         {"vkCreateShaderModule", SPY_FUNCTION(createShaderModule)},
         {"vkCreateComputePipelines", SPY_FUNCTION(createComputePipelines)},
+        {"vkGetPipelineIndirectMemoryRequirementsNV", SPY_FUNCTION(getIndirectMemoryRequirements), Row::Where::Always},
         {"vkCreateGraphicsPipelines", SPY_FUNCTION(createGraphicsPipelines)},
         {"vkCreateShadersEXT", SPY_FUNCTION(createShaders)},
         {"vkCreateRayTracingPipelinesKHR", SPY_FUNCTION(createRayTracingPipelines)},

@@ -9,6 +9,7 @@
 #include "shaders/query_fragment.h"
 #include "shaders/query_raygen.h"
 #include "shaders/query_vertex.h"
+#include "shaders/tracer_comp.h"
 
 namespace
 {
@@ -113,6 +114,23 @@ TEST_F(StagesOfGroups, InlineModules)
     const auto groups = vkInit<VkGraphicsPipelineShaderGroupsCreateInfoNV>({.groupCount = 1, .pGroups = &group});
     const Graphics graphics(gpu(), tracer_.layout(),
                             {.vertex = plain_vertex, .fragment = plain_fragment, .pNext = &groups}, 1);
+}
+
+// VK_NV_device_generated_commands_compute: the memory is for the pipeline of rewritten code.
+TEST_F(StagesOfGroups, MemoryRequirements)
+{
+    const std::vector<uint32_t> code = gpu().code(tracer_comp);
+    const auto module =
+        vkInit<VkShaderModuleCreateInfo>({.codeSize = code.size() * sizeof(uint32_t), .pCode = code.data()});
+    const auto info = vkInit<VkComputePipelineCreateInfo>(
+        {.stage = vkInit<VkPipelineShaderStageCreateInfo>(
+             {.pNext = &module, .stage = VK_SHADER_STAGE_COMPUTE_BIT, .pName = "main"}),
+         .layout = tracer_.layout()});
+    const auto get = reinterpret_cast<PFN_vkGetPipelineIndirectMemoryRequirementsNV>(
+        vkGetDeviceProcAddr(gpu().device(), "vkGetPipelineIndirectMemoryRequirementsNV"));
+    auto requirements = vkInit<VkMemoryRequirements2>();
+    get(gpu().device(), &info, &requirements);
+    EXPECT_EQ(requirements.memoryRequirements.size, 256u);
 }
 
 TEST_F(Stages, RayGeneration)
