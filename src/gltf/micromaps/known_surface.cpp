@@ -67,9 +67,9 @@ public:
         }
     }
 
-    // `indices`: of the triangles in a micromap with these shares, less `base`.
+    // `indices`: of the triangles in a micromap with these shares, less `base`. `approximate`: special ones, too.
     void add(const std::vector<double> &areas, std::span<const int32_t> indices, uint32_t base,
-             std::span<const MicromapTriangle> triangles, const Shares &shares)
+             std::span<const MicromapTriangle> triangles, const Shares &shares, bool approximate)
     {
         for (size_t t = 0; t < areas.size(); ++t) {
             all_ += areas[t];
@@ -77,6 +77,8 @@ public:
                 sum_.withoutMicromap += areas[t];
             } else if (const auto special = specialState(indices[t])) {
                 sum_.states[static_cast<size_t>(*special)] += areas[t];
+                if (approximate && (*special == State::Opaque || *special == State::Transparent))
+                    sum_.twoStates += areas[t];
             } else {
                 const auto record = static_cast<uint32_t>(indices[t]) + base;
                 for (size_t state = 0; state < 4; ++state)
@@ -132,7 +134,7 @@ std::optional<SurfaceShares> surfaceShares(const Scene &scene,
         const std::vector<double> &its = (*areas)[g];
         if (const Micromap *micromap = its.empty() ? nullptr : micromapOf(g))
             sum.add(its, micromap->indices, micromap->baseTriangle, micromap->triangles,
-                    stateShares(micromap->triangles, micromap->data));
+                    stateShares(micromap->triangles, micromap->data), false);
         else
             sum.addWithout(its);
     }
@@ -181,8 +183,9 @@ std::optional<SurfaceShares> StoredShares::of(const SurfaceAreas &areas) const
             continue;
         }
         const PrimitiveMicromap &primitive = found->second;
-        sum.add(its, primitive.indices, primitive.baseTriangle, stored_.micromaps[primitive.micromap].triangles,
-                shares_[primitive.micromap]);
+        const StoredMicromap &micromap = stored_.micromaps[primitive.micromap];
+        sum.add(its, primitive.indices, primitive.baseTriangle, micromap.triangles, shares_[primitive.micromap],
+                micromap.isApproximate());
     }
     return sum.shares();
 }
