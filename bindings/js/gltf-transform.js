@@ -437,10 +437,8 @@ function bakeInput(json, primitives, textures) {
 // The micromaps of primitives: [{ data, triangles }, indices] or the reason why there is none, for each.
 function bake(vellum, json, primitives, textures, options, callbacks) {
   const { bytes, report } = vellum.bakeGltf(bakeInput(json, primitives, textures), { ...options, ...callbacks, name: 'document' });
-  const results = primitives.map((_, i) => {
-    const skipped = report.skipped.find(({ name }) => new RegExp(`^mesh ${i}\\b`).test(name));
-    return { reason: skipped?.reason ?? 'it is not alpha-tested' };
-  });
+  const reasons = new Map(report.skipped.map(({ name, reason }) => [Number(/^mesh (\d+)/.exec(name)[1]), reason]));
+  const results = primitives.map((_, i) => ({ reason: reasons.get(i) ?? 'it is not alpha-tested' }));
   const { micromaps, primitives: baked } = vellum.readGltf(bytes);
   for (const { mesh, micromap, indices, baseTriangle } of baked)
     results[mesh] = { micromap: micromaps[micromap], indices: indices.map((index) => (index < 0 ? index : index + baseTriangle)) };
@@ -805,7 +803,8 @@ export class EXTMeshOpacityMicromap extends Extension {
     const groups = new Map();
     for (const entry of stale) {
       const key = JSON.stringify(entry.options);
-      groups.set(key, [...(groups.get(key) ?? []), entry]);
+      if (!groups.has(key)) groups.set(key, []);
+      groups.get(key).push(entry);
     }
     const found = [];
     const attempt = (group) => {
@@ -837,11 +836,12 @@ export class EXTMeshOpacityMicromap extends Extension {
     for (const property of this.listProperties()) property.dispose();
     const graph = this.document.getGraph();
     const micromaps = new Map();
+    const entries = new Map(found.map((entry) => [entry.primitive, entry]));
     for (const mesh of this.document.getRoot().listMeshes())
       for (const primitive of mesh.listPrimitives()) {
         const binding = new PrimitiveMicromap(graph);
         primitive.setExtension(NAME, binding);
-        const entry = found.find((other) => other.primitive === primitive);
+        const entry = entries.get(primitive);
         if (!entry) continue;
         const { data, triangles } = entry.micromap;
         if (!micromaps.has(data)) micromaps.set(data, new OpacityMicromap(graph).set('data', data).set('triangles', triangles));

@@ -97,7 +97,7 @@ VerifiedFile verifyFile(const std::filesystem::path &path, const VerifyOptions &
             const Document document = openDocument(path);
             file.report = verify::verifyDocument(document, fileOptions);
             if (file.report.findings.empty() && !file.report.stored.extension.empty())
-                file.surface = surfaceShares(surfaceAreas(document), file.report.stored);
+                file.surface = StoredShares(file.report.stored).of(surfaceAreas(document));
             file.micromaps = summariesOf(file.report.stored.micromaps);
             file.extension = std::move(file.report.stored.extension);
             file.report.stored = {}; // several files are reported together

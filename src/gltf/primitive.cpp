@@ -6,6 +6,7 @@
 #include <limits>
 #include <numeric>
 #include <optional>
+#include <span>
 
 #include "bake/inputs.h"
 #include "gltf/data/accessor.h"
@@ -20,18 +21,24 @@ namespace
 constexpr uint64_t kDracoNumbers = 64;
 
 // The corners of triangles, three for each, in the order and winding of glTF 2.0, 3.7.2.1 ("Overview" of meshes).
-std::vector<uint32_t> unfold(int mode, std::vector<uint32_t> corners)
+// `restart`: an index after which another strip or fan begins.
+std::vector<uint32_t> unfold(int mode, std::vector<uint32_t> corners, std::optional<uint32_t> restart)
 {
     const bool strip = mode == gltf_json::kTriangleStrip;
     if (!strip && mode != gltf_json::kTriangleFan)
         return corners;
     std::vector<uint32_t> indices;
     indices.reserve(corners.size() < 3 ? 0 : 3 * (corners.size() - 2));
-    for (size_t i = 0; i + 2 < corners.size(); ++i) {
-        if (strip)
-            indices.insert(indices.end(), {corners[i], corners[i + 1 + i % 2], corners[i + 2 - i % 2]});
-        else
-            indices.insert(indices.end(), {corners[i + 1], corners[i + 2], corners[0]});
+    for (auto first = corners.begin(); first != corners.end();) {
+        const auto end = restart ? std::find(first, corners.end(), *restart) : corners.end();
+        const std::span<const uint32_t> c(first, end);
+        for (size_t i = 0; i + 2 < c.size(); ++i) {
+            if (strip)
+                indices.insert(indices.end(), {c[i], c[i + 1 + i % 2], c[i + 2 - i % 2]});
+            else
+                indices.insert(indices.end(), {c[i + 1], c[i + 2], c[0]});
+        }
+        first = end == corners.end() ? end : end + 1;
     }
     return indices;
 }
@@ -73,6 +80,7 @@ private:
     [[nodiscard]] std::vector<float> floatsOf(const std::string &name, uint32_t components) const;
     [[nodiscard]] std::vector<float> alphasOf(const std::string &name) const;
     [[nodiscard]] std::vector<uint32_t> readCorners() const;
+    [[nodiscard]] std::optional<uint32_t> restartIndex() const;
     void readPositions();
     void readIndices();
     void readUvs(const Material &material);
@@ -158,6 +166,17 @@ std::vector<uint32_t> PrimitiveReader::readCorners() const
     return corners;
 }
 
+// KHR_mesh_primitive_restart: the highest number of the indices' type.
+std::optional<uint32_t> PrimitiveReader::restartIndex() const
+{
+    const gltf_json::Model &model = document_.model();
+    const auto &used = model.extensionsUsed;
+    if (source_.indices < 0 || std::find(used.begin(), used.end(), "KHR_mesh_primitive_restart") == used.end())
+        return std::nullopt;
+    const int type = model.accessors[static_cast<size_t>(source_.indices)].componentType;
+    return static_cast<uint32_t>((uint64_t{1} << 8 * gltf_json::bytesOf(type)) - 1);
+}
+
 bool PrimitiveReader::morphs(const std::string &name) const
 {
     return std::any_of(source_.targets.begin(), source_.targets.end(),
@@ -195,12 +214,12 @@ void PrimitiveReader::readPositions()
 
 void PrimitiveReader::readIndices()
 {
-    std::vector<uint32_t> corners = readCorners();
-    for (const uint32_t index : corners)
+    std::vector<uint32_t> corners = readCorners(); // throws where there is no such accessor
+    primitive_.indices = unfold(source_.mode, std::move(corners), restartIndex());
+    for (const uint32_t index : primitive_.indices)
         if (index >= vertices_)
             throw GltfError(what_ + ": index " + std::to_string(index) + " of " + std::to_string(vertices_) +
                             " vertices");
-    primitive_.indices = unfold(source_.mode, std::move(corners));
     if (primitive_.indices.size() % 3 != 0)
         throw GltfError(what_ + " has " + std::to_string(primitive_.indices.size()) + " indices, no multiple of 3");
 }

@@ -178,7 +178,8 @@ uint64_t Inspector::bytesBeside() const
 void Inspector::measure()
 {
     SurfaceAreas areas = surfaceAreas(document_);
-    file_.surface = surfaceShares(areas, file_.stored);
+    const StoredShares stored(file_.stored);
+    file_.surface = stored.of(areas);
     for (const auto &[place, micromap] : file_.stored.primitives)
         areas[place].resize(micromap.indices.size());
     for (const auto &[place, its] : areas) {
@@ -191,7 +192,7 @@ void Inspector::measure()
             surface.material = readMaterial(document_, surface.materialIndex).name;
         for (const double area : its)
             surface.area += area;
-        if (const auto shares = surfaceShares({{place, its}}, file_.stored))
+        if (const auto shares = stored.of({{place, its}}))
             surface.known = surface.area * shares->known();
     }
 }

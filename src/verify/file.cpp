@@ -163,6 +163,7 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
                                      [](float alpha) { return alpha >= 0 && alpha <= 1; });
     if (material.masked() && (!cutoff || (inRange && onlyOutcome(material, *cutoff))))
         options.tolerances.value = 0;
+    options.twoStateSpecials = report_.stored.micromaps[stored.micromap].isApproximate();
     options.manyAlphas = alphas_[stored.micromap].size() > kMostVertexAlphas;
     if (options_.progress)
         options.progress = [&](size_t done, size_t total) {

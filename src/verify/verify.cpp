@@ -45,11 +45,13 @@ Groups groupsOf(std::span<const TriangleCorners> triangles, const Micromap &micr
     return groups;
 }
 
-Claims claimsOf(const Micromap &micromap, uint32_t triangle)
+Claims claimsOf(const Micromap &micromap, uint32_t triangle, const Options &options)
 {
     const int32_t index = micromap.indices[triangle];
-    if (const auto special = specialState(index))
-        return {nullptr, *special, 0, Format::FourState};
+    if (const auto special = specialState(index)) {
+        const bool known = *special == State::Opaque || *special == State::Transparent;
+        return {nullptr, *special, 0, known && options.twoStateSpecials ? Format::TwoState : Format::FourState};
+    }
     const MicromapTriangle &t = micromap.triangles[static_cast<uint32_t>(index) + micromap.baseTriangle];
     return {micromap.data.data() + t.dataOffset, State::Opaque, t.subdivisionLevel, t.format};
 }
@@ -79,7 +81,8 @@ std::vector<Finding> list(const Texels &texels, std::span<const TriangleCorners>
         if (!wanted || work >= options.work)
             continue;
         std::vector<Finding> here;
-        TriangleWalk walk(texels, triangles[t], claimsOf(micromap, t), options, looked[groups.of[t]].limit, &here);
+        TriangleWalk walk(texels, triangles[t], claimsOf(micromap, t, options), options, looked[groups.of[t]].limit,
+                          &here);
         walk();
         work += walk.worked();
         for (Finding &finding : here) {
@@ -132,7 +135,7 @@ Result verify(const Texels &texels, std::span<const TriangleCorners> triangles, 
     std::vector<Looked> looked(groups.first.size());
     Progress progress(options.progress, looked.size());
     const unsigned threads = threadCount(options.threads);
-    const auto claims = [&](size_t group) { return claimsOf(micromap, groups.first[group]); };
+    const auto claims = [&](size_t group) { return claimsOf(micromap, groups.first[group], options); };
     Result result;
     size_t first = 0;
     while (first < looked.size() && result.work < options.work) {

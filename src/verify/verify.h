@@ -30,6 +30,8 @@ struct Options {
     // Claims of 2-state data count as those of 4-state data: as wrong unless they hold all over the micro-triangle.
     // Otherwise they are treated as the approximation that they usually are, and only counted.
     bool strictTwoState = false;
+    // Special indices are such claims as well: all else of the micromap has 2 states.
+    bool twoStateSpecials = false;
     // Triangles of this micromap have more vertex alphas than the baker decides: those that are unknown as a whole are
     // not needlessly so.
     bool manyAlphas = false;

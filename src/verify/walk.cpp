@@ -84,7 +84,7 @@ Counts TriangleWalk::operator()()
 
 bool TriangleWalk::approximate() const
 {
-    return claims_.data != nullptr && claims_.format == Format::TwoState && !options_.strictTwoState;
+    return claims_.format == Format::TwoState && !options_.strictTwoState;
 }
 
 // Returns whether unknown states are justified: the triangle is far away, or its vertex alphas are not baked.

@@ -16,7 +16,7 @@ struct Claims {
     const uint8_t *data; // packed states; null for a special index
     State special;
     uint32_t level;
-    Format format;
+    Format format; // of a special index, what it stands for
 };
 
 // Counts findings, and lists them until `list` has Options::maxFindings of a kind.

@@ -261,6 +261,8 @@ TEST(DocumentBake, SkipsPrimitivesThatCannotBeBaked)
     EXPECT_EQ(reasonFor({{R"("name": "leaf",)",
                           R"("name": "leaf", "extensions": {"KHR_materials_pbrSpecularGlossiness": {"a": 1}},)"}}),
               "its alpha comes from KHR_materials_pbrSpecularGlossiness");
+    EXPECT_EQ(reasonFor({{R"("name": "leaf",)", R"("name": "leaf", "extensions": {"MSFT_lod": {"ids": [1]}},)"}}),
+              "its material can be changed (MSFT_lod)");
     const auto animated = [](const std::string &pointer) {
         return Replacements{{kAsset, kAsset + R"("animations": [{"samplers": [{"input": 0, "output": 0}], "channels":
             [{"sampler": 0, "target": {"node": 0, "path": "pointer", "extensions": {"KHR_animation_pointer":

@@ -23,6 +23,7 @@ void append(Bytes &bytes, const std::vector<T> &values)
 
 // A file with one primitive, whose parts are given as they stand in the JSON. Every buffer view is its own buffer's.
 struct Sample {
+    std::string root; // members
     std::string primitive = R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0})";
     std::vector<std::string> accessors;
     std::vector<Bytes> views;
@@ -51,8 +52,9 @@ struct Sample {
         std::string accessorText;
         for (size_t i = 0; i < accessors.size(); ++i)
             accessorText += (i == 0 ? "" : ", ") + accessors[i];
-        return packGlb(R"({"asset": {"version": "2.0"}, "meshes": [{"name": "leaf", "primitives": [)" + primitive +
-                           R"(]}], "materials": [{"pbrMetallicRoughness": {"baseColorTexture": )" + baseColorTexture +
+        return packGlb(R"({"asset": {"version": "2.0"}, )" + root + R"("meshes": [{"name": "leaf", "primitives": [)" +
+                           primitive + R"(]}], "materials": [{"pbrMetallicRoughness": {"baseColorTexture": )" +
+                           baseColorTexture +
                            R"(}}], "textures": [{"source": 0}], "images": [{"uri": "none.png"}], "accessors": [)" +
                            accessorText + "], \"bufferViews\": [" + viewText +
                            "], \"buffers\": [{\"byteLength\": " + std::to_string(binary.size()) + "}]}",
@@ -224,6 +226,32 @@ TEST(GltfPrimitive, StripsAndFans)
     EXPECT_EQ(trianglesOf(5, {0, 1}), Indices{});
     EXPECT_EQ(trianglesOf(6, {0, 1}), Indices{});
     EXPECT_EQ(trianglesOf(4, {2, 1, 0}), (Indices{2, 1, 0}));
+}
+
+// KHR_mesh_primitive_restart: after the highest index of its type, another strip or fan begins.
+TEST(GltfPrimitive, StripsAndFansThatBeginAgain)
+{
+    const auto read = [](const std::string &mode, const std::string &type, auto corners) {
+        Sample file = sample();
+        file.root = R"("extensionsUsed": ["KHR_mesh_primitive_restart"], )";
+        file.primitive = R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "mode": )" + mode + "}";
+        file.add(corners,
+                 R"("componentType": )" + type + R"(, "type": "SCALAR", "count": )" + std::to_string(corners.size()));
+        return file;
+    };
+    using Indices = std::vector<uint32_t>;
+    const Indices two = {0, 1, 2, 2, 1, 0, 1, 1, 0};
+    EXPECT_EQ(read("5", "5121", std::vector<uint8_t>{0, 1, 2, 0xff, 2, 1, 0, 1}).read().indices, two);
+    EXPECT_EQ(read("5", "5123", std::vector<uint16_t>{0, 1, 2, 0xffff, 2, 1, 0, 1}).read().indices, two);
+    EXPECT_EQ(read("5", "5125", std::vector<uint32_t>{0, 1, 2, ~0u, 2, 1, 0, 1}).read().indices, two);
+    EXPECT_EQ(read("6", "5121", std::vector<uint8_t>{0, 1, 2, 0xff, 2, 1, 0}).read().indices,
+              (Indices{1, 2, 0, 1, 0, 2}));
+    EXPECT_EQ(read("5", "5121", std::vector<uint8_t>{0xff, 0, 1, 0xff, 0xff, 2, 1, 0, 0xff}).read().indices,
+              (Indices{2, 1, 0}));
+    EXPECT_EQ(read("4", "5121", std::vector<uint8_t>{0, 1, 0xff}).error(), ": index 255 of 3 vertices");
+    Sample without = read("5", "5121", std::vector<uint8_t>{0, 1, 2, 0xff});
+    without.root.clear();
+    EXPECT_EQ(without.error(), ": index 255 of 3 vertices");
 }
 
 TEST(GltfPrimitive, CountsVerticesByOtherAttributesWithoutPositions)

@@ -9,6 +9,7 @@ import ast
 import importlib.util
 import json
 import pathlib
+import struct
 import subprocess
 import sys
 import tempfile
@@ -94,6 +95,29 @@ class Package(unittest.TestCase):
             baked, report = vellum.bake_gltf(model.read_bytes(), level=row["level"])
             self.assertEqual(report.micromap_size, row["bytes"])
             self.assertAlmostEqual(states.known_share(scene, vellum.read_gltf(baked)), row["known"], 6)
+
+    @unittest.skipUnless(importlib.util.find_spec("numpy"), "numpy is not installed")
+    def test_pictures_of_states(self):
+        """A material without a texture, which is one state all over, has no picture."""
+        model = self.folder / "pictures.glb"
+        run(sys.executable, ROOT / "examples/python/tree.py", model)
+        sys.path.insert(0, str(self.addon))
+        import states
+        import vellum
+        data = model.read_bytes()
+        pictures = states.draw_states(states.Scene(data), vellum.read_gltf(vellum.bake_gltf(data)[0]), 64)
+        self.assertEqual([picture.any() for _, picture in pictures.values()], [True])
+        length, = struct.unpack_from("<I", data, 12)
+        text = json.loads(data[20:20 + length])
+        for material in text["materials"]:
+            material.get("pbrMetallicRoughness", {}).pop("baseColorTexture", None)
+        changed = json.dumps(text).encode()
+        changed += b" " * (-len(changed) % 4)
+        rest = data[20 + length:]
+        bare = data[:8] + struct.pack("<II4s", 20 + len(changed) + len(rest), len(changed), b"JSON") + changed + rest
+        baked = vellum.read_gltf(vellum.bake_gltf(bare)[0])
+        self.assertEqual(len(baked.primitives), len(pictures))
+        self.assertEqual(states.draw_states(states.Scene(bare), baked, 64), {})
 
 
 if __name__ == "__main__":

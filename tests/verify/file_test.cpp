@@ -202,6 +202,46 @@ TEST(VerifyFile, AFileWithoutMicromapsHasNothingToVerify)
     EXPECT_TRUE(report.primitives.empty());
 }
 
+// Then all of it is an approximation.
+TEST(VerifyFile, SpecialIndicesBesideDataOfTwoStates)
+{
+    CardFile card = cardOf(State::Transparent);
+    EXPECT_EQ(verifyCard(card).counts().of(Kind::Wrong), 2u);
+    BakeOptions options;
+    options.level = 2;
+    options.format = Format::TwoState;
+    card.bake(options);
+    card.micromap.indices = {specialIndex(State::Transparent), specialIndex(State::UnknownOpaque)};
+    const verify::Counts counts = verifyCard(card).counts();
+    EXPECT_EQ(counts.of(Kind::Wrong), 0u);
+    EXPECT_EQ(counts.twoStateMixed, 1u);
+    EXPECT_EQ(counts.unknown, 1u);
+    FileOptions strict;
+    strict.strictTwoState = true;
+    EXPECT_EQ(verifyCard(card, strict).counts().of(Kind::Wrong), 1u);
+}
+
+// At level 0 all of the card is one state; its micromap has no other triangle that says so.
+TEST(VerifyFile, FindsNothingInACardOfTwoStatesAtAnyLevel)
+{
+    CardFile card;
+    card.extension = false;
+    const TemporaryFolder folder;
+    writeFile(folder / "card.glb", card.bytes());
+    for (const uint32_t level : {0u, 1u, 2u, 5u}) {
+        FileBakeOptions options;
+        options.bake.level = level;
+        options.bake.format = Format::TwoState;
+        options.measure = true;
+        const FileBake bake = bakeFile(folder / "card.glb", folder / "baked.glb", options);
+        ASSERT_TRUE(bake.surface);
+        EXPECT_DOUBLE_EQ(bake.surface->twoStates, 1);
+        const FileReport report = verify::verifyDocument(Document(folder / "baked.glb"), {});
+        EXPECT_EQ(report.counts().of(Kind::Wrong), 0u) << level;
+        EXPECT_GT(report.counts().twoStateMixed, 0u) << level;
+    }
+}
+
 TEST(VerifyFile, ReportsWhatADeviceMustHave)
 {
     CardFile card = bakedCard();

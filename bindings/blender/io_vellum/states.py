@@ -161,8 +161,8 @@ def _draw_triangle(image, corners, state_at):
 
 def draw_states(scene, gltf, size):
     """Pictures of the states in the space of the texture coordinates, by name of the material: (texture coordinates' number,
-    array of uint8 (size, size, 4), row 0 at v = 0). Empty where no triangle lies. Where triangles cover the same part, the last
-    is seen; of a triangle that repeats the texture, two repetitions.
+    array of uint8 (size, size, 4), row 0 at v = 0), for materials with a texture. Empty where no triangle lies. Where triangles
+    cover the same part, the last is seen; of a triangle that repeats the texture, two repetitions.
 
     scene: a Scene. gltf: vellum.read_gltf() of the same file, of 4-state micromaps.
     """
@@ -170,7 +170,9 @@ def draw_states(scene, gltf, size):
     for one in gltf.primitives:
         primitive = scene.json["meshes"][one.mesh]["primitives"][one.primitive]
         material = scene.material(primitive)
-        texture = material["pbrMetallicRoughness"]["baseColorTexture"]
+        texture = material.get("pbrMetallicRoughness", {}).get("baseColorTexture")
+        if not texture:
+            continue
         transform = texture.get("extensions", {}).get("KHR_texture_transform", {})
         number = transform.get("texCoord", texture.get("texCoord", 0))
         image = pictures.setdefault(material["name"], (number, numpy.zeros((size, size, 4), numpy.uint8)))[1]

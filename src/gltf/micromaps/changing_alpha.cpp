@@ -30,9 +30,13 @@ std::optional<int> changedMaterial(const std::string &pointer)
 ChangingAlpha::ChangingAlpha(const Document &document) : document_(document)
 {
     const auto &materials = document.model().materials;
-    for (size_t i = 0; i < materials.size(); ++i)
-        if (materials[i].extensions["KHR_materials_pbrSpecularGlossiness"].exists())
+    for (size_t i = 0; i < materials.size(); ++i) {
+        const JsonValue &extensions = materials[i].extensions;
+        if (extensions["KHR_materials_pbrSpecularGlossiness"].exists())
             materials_[static_cast<int>(i)] = "its alpha comes from KHR_materials_pbrSpecularGlossiness";
+        else if (extensions["MSFT_lod"].exists())
+            materials_[static_cast<int>(i)] = "its material can be changed (MSFT_lod)";
+    }
     for (const JsonValue &animation : document.root()["animations"].children())
         for (const JsonValue &channel : animation["channels"].children()) {
             const auto pointer = channel["target"]["extensions"]["KHR_animation_pointer"]["pointer"].string();

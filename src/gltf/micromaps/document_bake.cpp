@@ -317,8 +317,9 @@ std::span<const int32_t> DocumentBaker::takeResult(Source &source, const Microma
         stored.triangles.push_back(triangle);
     }
     if (stored.triangles.empty()) {
-        stored.triangles = {{0, 0, Format::FourState}};
-        stored.data = {static_cast<uint8_t>(State::UnknownOpaque)};
+        const bool two = options_.bake.format == Format::TwoState; // isApproximate() goes by it
+        stored.triangles = {{0, 0, options_.bake.format}};
+        stored.data = {static_cast<uint8_t>(two ? State::Opaque : State::UnknownOpaque)};
     }
     Micromap counted;
     counted.triangles = stored.triangles;

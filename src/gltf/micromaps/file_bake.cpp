@@ -117,8 +117,10 @@ FileBake bakeFile(const Document &document, const std::filesystem::path &output,
         const bool weighs = options.bake.budget || options.targetKnown;
         const SurfaceAreas areas = options.measure || weighs ? surfaceAreas(document) : SurfaceAreas();
         result.bake = bakeDocument(document, options, &areas);
-        if (options.measure)
-            result.surface = surfaceShares(areas, storedOf(result.bake));
+        if (options.measure) {
+            const StoredMicromaps stored = storedOf(result.bake);
+            result.surface = StoredShares(stored).of(areas);
+        }
         const RewrittenFile rewritten = withMicromaps(
             document, result.bake, document.binary() || options.embed ? "" : bufferStem(output), options.mark);
         std::error_code error;

@@ -52,27 +52,38 @@ std::optional<std::vector<std::vector<double>>> areasOf(const Scene &scene)
     return areas;
 }
 
+// Of the triangles of a micromap.
+using Shares = std::vector<std::array<double, 4>>;
+
 // Adds up the surface by state.
 class ShareSum
 {
 public:
-    // `micromap` may be null.
-    void add(const std::vector<double> &areas, const Micromap *micromap)
+    void addWithout(const std::vector<double> &areas)
     {
-        std::vector<std::array<double, 4>> shares;
-        if (micromap != nullptr)
-            shares = stateShares(micromap->triangles, micromap->data);
+        for (const double area : areas) {
+            all_ += area;
+            sum_.withoutMicromap += area;
+        }
+    }
+
+    // `indices`: of the triangles in a micromap with these shares, less `base`. `approximate`: special ones, too.
+    void add(const std::vector<double> &areas, std::span<const int32_t> indices, uint32_t base,
+             std::span<const MicromapTriangle> triangles, const Shares &shares, bool approximate)
+    {
         for (size_t t = 0; t < areas.size(); ++t) {
             all_ += areas[t];
-            if (micromap == nullptr || t >= micromap->indices.size()) {
+            if (t >= indices.size()) {
                 sum_.withoutMicromap += areas[t];
-            } else if (const auto special = specialState(micromap->indices[t])) {
+            } else if (const auto special = specialState(indices[t])) {
                 sum_.states[static_cast<size_t>(*special)] += areas[t];
+                if (approximate && (*special == State::Opaque || *special == State::Transparent))
+                    sum_.twoStates += areas[t];
             } else {
-                const auto record = static_cast<uint32_t>(micromap->indices[t]) + micromap->baseTriangle;
+                const auto record = static_cast<uint32_t>(indices[t]) + base;
                 for (size_t state = 0; state < 4; ++state)
                     sum_.states[state] += areas[t] * shares[record][state];
-                if (micromap->triangles[record].format == Format::TwoState)
+                if (triangles[record].format == Format::TwoState)
                     sum_.twoStates += areas[t];
             }
         }
@@ -119,8 +130,14 @@ std::optional<SurfaceShares> surfaceShares(const Scene &scene,
     if (!areas)
         return std::nullopt;
     ShareSum sum;
-    for (size_t g = 0; g < areas->size(); ++g)
-        sum.add((*areas)[g], (*areas)[g].empty() ? nullptr : micromapOf(g));
+    for (size_t g = 0; g < areas->size(); ++g) {
+        const std::vector<double> &its = (*areas)[g];
+        if (const Micromap *micromap = its.empty() ? nullptr : micromapOf(g))
+            sum.add(its, micromap->indices, micromap->baseTriangle, micromap->triangles,
+                    stateShares(micromap->triangles, micromap->data), false);
+        else
+            sum.addWithout(its);
+    }
     return sum.shares();
 }
 
@@ -150,12 +167,25 @@ SurfaceAreas surfaceAreas(const Document &document)
     return all > 0 ? sums : SurfaceAreas();
 }
 
-std::optional<SurfaceShares> surfaceShares(const SurfaceAreas &areas, const StoredMicromaps &stored)
+StoredShares::StoredShares(const StoredMicromaps &stored) : stored_(stored)
+{
+    for (const StoredMicromap &micromap : stored.micromaps)
+        shares_.push_back(stateShares(micromap.triangles, micromap.data));
+}
+
+std::optional<SurfaceShares> StoredShares::of(const SurfaceAreas &areas) const
 {
     ShareSum sum;
     for (const auto &[place, its] : areas) {
-        const std::optional<Micromap> micromap = stored.of(place);
-        sum.add(its, micromap ? &*micromap : nullptr);
+        const auto found = stored_.primitives.find(place);
+        if (found == stored_.primitives.end()) {
+            sum.addWithout(its);
+            continue;
+        }
+        const PrimitiveMicromap &primitive = found->second;
+        const StoredMicromap &micromap = stored_.micromaps[primitive.micromap];
+        sum.add(its, primitive.indices, primitive.baseTriangle, micromap.triangles, shares_[primitive.micromap],
+                micromap.isApproximate());
     }
     return sum.shares();
 }

@@ -42,7 +42,19 @@ using SurfaceAreas = std::map<PrimitivePlace, std::vector<double>>;
 // Empty if the scene cannot be read, or in the cases above.
 SurfaceAreas surfaceAreas(const Document &document);
 
-// The shares with these micromaps. No result without areas.
-std::optional<SurfaceShares> surfaceShares(const SurfaceAreas &areas, const StoredMicromaps &stored);
+// The shares with the micromaps of a file, which must outlive this. Their states are counted once, however many
+// primitives they have.
+class StoredShares
+{
+public:
+    explicit StoredShares(const StoredMicromaps &stored);
+
+    // No result without areas.
+    [[nodiscard]] std::optional<SurfaceShares> of(const SurfaceAreas &areas) const;
+
+private:
+    const StoredMicromaps &stored_;
+    std::vector<std::vector<std::array<double, 4>>> shares_; // of each micromap's triangles
+};
 
 } // namespace vellum

@@ -38,6 +38,12 @@ bool hasMicromapExtension(const JsonValue &extensions)
                        [&](const char *name) { return extensions[name].exists(); });
 }
 
+bool StoredMicromap::isApproximate() const
+{
+    return std::all_of(triangles.begin(), triangles.end(),
+                       [](const MicromapTriangle &triangle) { return triangle.format == Format::TwoState; });
+}
+
 std::optional<Micromap> StoredMicromaps::of(PrimitivePlace place) const
 {
     const auto found = primitives.find(place);

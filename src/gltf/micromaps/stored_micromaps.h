@@ -38,6 +38,8 @@ struct StoredMicromap {
 
     // The size of the data and of the triangles' records.
     [[nodiscard]] size_t bytes() const { return data.size() + sizeof(MicromapTriangle) * triangles.size(); }
+    // All of it has 2 states: so have triangles with special indices, which are as approximate.
+    [[nodiscard]] bool isApproximate() const;
 };
 
 // A primitive's use of a micromap.
