@@ -32,7 +32,8 @@ constexpr std::array<const char *, 10> kWantedExtensions{
 constexpr std::array kExtensionsOfVulkan11{VK_KHR_BUFFER_DEVICE_ADDRESS_EXTENSION_NAME,
                                            VK_EXT_DESCRIPTOR_INDEXING_EXTENSION_NAME, VK_KHR_SPIRV_1_4_EXTENSION_NAME,
                                            VK_KHR_SHADER_FLOAT_CONTROLS_EXTENSION_NAME,
-                                           VK_EXT_SCALAR_BLOCK_LAYOUT_EXTENSION_NAME};
+                                           VK_EXT_SCALAR_BLOCK_LAYOUT_EXTENSION_NAME,
+                                           VK_EXT_EXTENDED_DYNAMIC_STATE_EXTENSION_NAME};
 
 // A features structure of a few members, for headers that lack it.
 struct SomeFeatures {

@@ -37,6 +37,16 @@ ImageRegions imageRegions(const AddressLookup &lookup, const VkCopyDeviceMemoryI
     return groups;
 }
 
+// The regions for the commands of Vulkan 1.0: devices of Vulkan 1.2 need not have VK_KHR_copy_commands2.
+std::vector<VkBufferImageCopy> oldRegions(const std::vector<VkBufferImageCopy2> &regions)
+{
+    std::vector<VkBufferImageCopy> old;
+    for (const VkBufferImageCopy2 &region : regions)
+        old.push_back({region.bufferOffset, region.bufferRowLength, region.bufferImageHeight, region.imageSubresource,
+                       region.imageOffset, region.imageExtent});
+    return old;
+}
+
 } // namespace
 
 void cmdCopyMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryInfoKHR *info)
@@ -70,10 +80,19 @@ void cmdCopyMemoryToImage(DeviceAddresses &device, VkCommandBuffer commandBuffer
     const AddressLookup lookup(device, commandBuffer, "vkCmdCopyMemoryToImageKHR");
     const ImageRegions groups = imageRegions(lookup, *info, rules::kToImage);
     for (const auto &[key, regions] : groups) {
-        const VkCopyBufferToImageInfo2 copy{
-            VK_STRUCTURE_TYPE_COPY_BUFFER_TO_IMAGE_INFO_2, nullptr,       key.first, info->image, key.second,
-            static_cast<uint32_t>(regions.size()),         regions.data()};
-        device.driver.next.CmdCopyBufferToImage2(commandBuffer, &copy);
+        const auto count = static_cast<uint32_t>(regions.size());
+        const VkCopyBufferToImageInfo2 copy{VK_STRUCTURE_TYPE_COPY_BUFFER_TO_IMAGE_INFO_2,
+                                            nullptr,
+                                            key.first,
+                                            info->image,
+                                            key.second,
+                                            count,
+                                            regions.data()};
+        if (const auto next = device.driver.next.CmdCopyBufferToImage2)
+            next(commandBuffer, &copy);
+        else
+            device.driver.next.CmdCopyBufferToImage(commandBuffer, key.first, info->image, key.second, count,
+                                                    oldRegions(regions).data());
     }
 }
 
@@ -83,10 +102,19 @@ void cmdCopyImageToMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer
     const AddressLookup lookup(device, commandBuffer, "vkCmdCopyImageToMemoryKHR");
     const ImageRegions groups = imageRegions(lookup, *info, rules::kFromImage);
     for (const auto &[key, regions] : groups) {
-        const VkCopyImageToBufferInfo2 copy{
-            VK_STRUCTURE_TYPE_COPY_IMAGE_TO_BUFFER_INFO_2, nullptr,       info->image, key.second, key.first,
-            static_cast<uint32_t>(regions.size()),         regions.data()};
-        device.driver.next.CmdCopyImageToBuffer2(commandBuffer, &copy);
+        const auto count = static_cast<uint32_t>(regions.size());
+        const VkCopyImageToBufferInfo2 copy{VK_STRUCTURE_TYPE_COPY_IMAGE_TO_BUFFER_INFO_2,
+                                            nullptr,
+                                            info->image,
+                                            key.second,
+                                            key.first,
+                                            count,
+                                            regions.data()};
+        if (const auto next = device.driver.next.CmdCopyImageToBuffer2)
+            next(commandBuffer, &copy);
+        else
+            device.driver.next.CmdCopyImageToBuffer(commandBuffer, info->image, key.second, key.first, count,
+                                                    oldRegions(regions).data());
     }
 }
 

@@ -2,7 +2,7 @@
 #include "layer/memory/address_map.h"
 
 #include <algorithm>
-#include <iterator>
+#include <bit>
 #include <mutex>
 #include <utility>
 
@@ -11,25 +11,17 @@
 namespace vellum::layer
 {
 
-// Buffers rarely overlap, so an insertion or removal changes the reach of few ranges, mostly of none.
-void AddressMap::updateReach(Ranges::iterator from)
-{
-    VkDeviceAddress reach = from == ranges_.begin() ? 0 : std::prev(from)->second.reach;
-    for (auto it = from; it != ranges_.end(); ++it) {
-        reach = std::max(reach, it->second.end);
-        if (it->second.reach == reach)
-            return;
-        it->second.reach = reach;
-    }
-}
-
 template <typename Visit>
-void AddressMap::visitAt(VkDeviceAddress address, Visit visit) const
+void AddressMap::visit(VkDeviceAddress address, VkDeviceAddress end, Visit visit) const
 {
-    for (auto it = ranges_.upper_bound(address); it != ranges_.begin();) {
-        --it;
-        if (it->second.reach <= address || (it->second.end > address && visit(it->first, it->second)))
-            return;
+    for (const auto &[least, ranges] : classes_) {
+        for (auto it = ranges.lower_bound(end); it != ranges.begin();) {
+            const auto &[begin, range] = *--it;
+            if (begin <= address && (address - begin) / 2 >= least)
+                break;
+            if (range.end > std::max(begin, address) && visit(begin, range))
+                return;
+        }
     }
 }
 
@@ -38,49 +30,39 @@ void AddressMap::add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size
     if (address == 0)
         return;
     std::unique_lock lock(mutex_);
-    if (!addresses_.emplace(buffer, address).second)
+    const auto [known, isNew] = known_.try_emplace(buffer);
+    if (!isNew)
         return;
-    Undo undo([&] { addresses_.erase(buffer); });
-    updateReach(ranges_.insert({address, {buffer, address + size, usage, 0, std::move(owner)}}));
+    Undo undo([&] { known_.erase(buffer); });
+    Ranges &ranges = classes_[std::bit_floor(size)];
+    known->second = {&ranges, ranges.insert({address, {buffer, address + size, usage, std::move(owner)}})};
     undo.keep();
-}
-
-AddressMap::Ranges::iterator AddressMap::rangeOf(VkBuffer buffer)
-{
-    const auto known = addresses_.find(buffer);
-    if (known == addresses_.end())
-        return ranges_.end();
-    const auto [first, last] = ranges_.equal_range(known->second);
-    return std::find_if(first, last, [buffer](const auto &range) { return range.second.buffer == buffer; });
 }
 
 AddressMap::Owner AddressMap::remove(VkBuffer buffer)
 {
     std::unique_lock lock(mutex_);
-    const auto it = rangeOf(buffer);
-    if (it == ranges_.end())
+    const auto known = known_.extract(buffer);
+    if (!known)
         return nullptr;
-    Owner owner = std::move(it->second.owner);
-    updateReach(ranges_.erase(it));
-    addresses_.erase(buffer);
+    const auto [ranges, range] = known.mapped();
+    Owner owner = std::move(range->second.owner);
+    ranges->erase(range);
     return owner;
 }
 
 void AddressMap::hide(VkBuffer buffer)
 {
     std::unique_lock lock(mutex_);
-    const auto it = rangeOf(buffer);
-    if (it == ranges_.end())
-        return;
-    it->second.end = it->first;
-    updateReach(it);
+    if (const auto known = known_.find(buffer); known != known_.end())
+        known->second.range->second.end = known->second.range->first;
 }
 
 AddressMap::Location AddressMap::find(VkDeviceAddress address, VkFlags64 usage) const
 {
     std::shared_lock lock(mutex_);
     Location location;
-    visitAt(address, [&](VkDeviceAddress begin, const Range &range) {
+    visit(address, address + 1, [&](VkDeviceAddress begin, const Range &range) {
         if (range.end - address > location.bytes && (range.usage & usage) == usage)
             location = locationOf(begin, range, address);
         return false;
@@ -91,8 +73,8 @@ AddressMap::Location AddressMap::find(VkDeviceAddress address, VkFlags64 usage) 
 VkDeviceAddress AddressMap::addressOf(VkBuffer buffer) const
 {
     std::shared_lock lock(mutex_);
-    const auto known = addresses_.find(buffer);
-    return known == addresses_.end() ? 0 : known->second;
+    const auto known = known_.find(buffer);
+    return known == known_.end() ? 0 : known->second.range->first;
 }
 
 VkDeviceSize AddressMap::bytesFrom(VkDeviceAddress address) const
@@ -114,7 +96,7 @@ AddressMap::Location AddressMap::covering(VkDeviceAddress address, VkDeviceSize 
 {
     std::shared_lock lock(mutex_);
     Location location;
-    visitAt(address, [&](VkDeviceAddress begin, const Range &range) {
+    visit(address, address + 1, [&](VkDeviceAddress begin, const Range &range) {
         if (range.end - address < size || (range.usage & usage) != usage)
             return false;
         location = locationOf(begin, range, address);
@@ -128,7 +110,7 @@ VkBuffer AddressMap::onlyCovering(VkDeviceAddress address, VkDeviceSize size) co
     std::shared_lock lock(mutex_);
     VkBuffer buffer = VK_NULL_HANDLE;
     uint32_t buffers = 0;
-    visitAt(address, [&](VkDeviceAddress, const Range &range) {
+    visit(address, address + 1, [&](VkDeviceAddress, const Range &range) {
         if (range.end - address < size)
             return false;
         buffer = range.buffer;
@@ -142,16 +124,11 @@ AddressMap::Only AddressMap::only(VkDeviceAddress address, VkDeviceSize size) co
     std::shared_lock lock(mutex_);
     const VkDeviceAddress end = size > UINT64_MAX - address ? UINT64_MAX : address + size;
     Only only;
-    for (auto it = ranges_.lower_bound(end); it != ranges_.begin();) {
-        --it;
-        if (it->second.reach <= address)
-            break;
-        if (it->second.end <= address)
-            continue;
-        if (only.buffer || it->first > address || it->second.end < end)
-            return {};
-        only = {it->second.buffer, it->second.usage};
-    }
+    visit(address, end, [&](VkDeviceAddress begin, const Range &range) {
+        const bool alone = !only.buffer && begin <= address && range.end >= end;
+        only = alone ? Only{range.buffer, range.usage} : Only{};
+        return !alone;
+    });
     return only;
 }
 
@@ -160,15 +137,12 @@ std::vector<AddressMap::Location> AddressMap::within(VkDeviceAddress address, Vk
     std::shared_lock lock(mutex_);
     std::vector<Location> locations;
     const VkDeviceAddress end = size > UINT64_MAX - address ? UINT64_MAX : address + size;
-    for (auto it = ranges_.lower_bound(end); it != ranges_.begin();) {
-        --it;
-        if (it->second.reach <= address)
-            break;
-        const VkDeviceAddress begin = std::max(it->first, address);
-        const VkDeviceAddress last = std::min(it->second.end, end);
-        if (begin < last)
-            locations.push_back({it->second.buffer, begin - it->first, last - begin, it->second.owner});
-    }
+    visit(address, end, [&](VkDeviceAddress begin, const Range &range) {
+        const VkDeviceAddress first = std::max(begin, address);
+        if (first < end)
+            locations.push_back({range.buffer, first - begin, std::min(range.end, end) - first, range.owner});
+        return false;
+    });
     return locations;
 }
 

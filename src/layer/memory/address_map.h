@@ -63,23 +63,27 @@ private:
         VkBuffer buffer;
         VkDeviceAddress end;
         VkFlags64 usage;
-        VkDeviceAddress reach; // the furthest end of this range and all before it, at which a search may stop
         Owner owner;
     };
     static Location locationOf(VkDeviceAddress begin, const Range &range, VkDeviceAddress address)
     {
         return {range.buffer, address - begin, range.end - address, range.owner};
     }
-    using Ranges = std::multimap<VkDeviceAddress, Range>;
-    Ranges::iterator rangeOf(VkBuffer buffer); // end() for a buffer that is not known
-    void updateReach(Ranges::iterator from);
-    // Calls `visit(begin, range)` for every range that contains `address`, the nearest first, until it returns true.
+    using Ranges = std::multimap<VkDeviceAddress, Range>; // by their begin
+    struct Known {
+        Ranges *ranges = nullptr;
+        Ranges::iterator range;
+    };
+    // Calls `visit(begin, range)` for every range that has bytes from `address` on and begins before `end`, until it
+    // returns true. Of smaller buffers first.
     template <typename Visit>
-    void visitAt(VkDeviceAddress address, Visit visit) const;
+    void visit(VkDeviceAddress address, VkDeviceAddress end, Visit visit) const;
 
     mutable std::shared_mutex mutex_;
-    Ranges ranges_;
-    std::unordered_map<VkBuffer, VkDeviceAddress> addresses_;
+    // By the power of two that their size is not below. One that begins further before an address than twice as much
+    // does not reach it, so a search passes few of them, even if a buffer over all memory aliases many others.
+    std::map<VkDeviceSize, Ranges> classes_;
+    std::unordered_map<VkBuffer, Known> known_;
 };
 
 } // namespace vellum::layer

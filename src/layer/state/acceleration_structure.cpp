@@ -387,7 +387,7 @@ void publishMicromapOnceBound(DeviceState &device, const std::shared_ptr<Acceler
         // The mutex: bufferHasAddress() comes after the address is known, and only once.
         std::lock_guard lock(device.unboundMutex);
         if (device.buffers.addresses.addressOf(structure->buffer) == 0)
-            return device.unboundMicromaps.push_back(structure);
+            return static_cast<void>(device.unboundMicromaps.emplace(structure->buffer, structure));
     }
     publishMicromap(device, *structure);
 }
@@ -395,14 +395,12 @@ void publishMicromapOnceBound(DeviceState &device, const std::shared_ptr<Acceler
 void bufferHasAddress(DeviceState &device, VkBuffer buffer)
 {
     std::lock_guard lock(device.unboundMutex);
-    std::erase_if(device.unboundMicromaps, [&](const std::weak_ptr<AccelerationStructure> &unbound) {
-        const auto structure = unbound.lock();
-        if (structure && structure->buffer != buffer)
-            return false;
-        if (structure)
+    const auto [first, last] = device.unboundMicromaps.equal_range(buffer);
+    for (auto at = first; at != last; ++at) {
+        if (const auto structure = at->second.lock())
             publishMicromap(device, *structure);
-        return true;
-    });
+    }
+    device.unboundMicromaps.erase(first, last);
 }
 
 void becomeMicromap(DeviceState &device, AccelerationStructure &structure)

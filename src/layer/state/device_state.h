@@ -6,7 +6,7 @@
 #include <atomic>
 #include <memory>
 #include <mutex>
-#include <vector>
+#include <unordered_map>
 
 #include "layer/memory/device_buffers.h"
 #include "layer/rules/rule.h"
@@ -32,8 +32,8 @@ struct DeviceState {
     std::atomic<bool> validationReportsGpuErrors{false}; // by reportGpuErrors(device, known)
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<AccelerationStructure>> accelerationStructures{};
     std::mutex unboundMutex{}; // guards the next member
-    // GENERIC structures whose buffers have no memory yet.
-    std::vector<std::weak_ptr<AccelerationStructure>> unboundMicromaps{};
+    // GENERIC structures whose buffers have no memory yet, by buffer.
+    std::unordered_multimap<VkBuffer, std::weak_ptr<AccelerationStructure>> unboundMicromaps{};
 
     // Returns whether the layer created the object, so that the driver does not know its handle. Only emulated and
     // translated devices have such objects.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <iterator>
 #include <mutex>
 #include <new>
 #include <string>
@@ -33,10 +34,12 @@ void forgetStructure(DeviceStructures &device, AccelerationStructure &structure)
         return;
     // Another thread may be querying the buffer's address, and so be in bufferHasAddress().
     std::lock_guard lock(device.objects.unboundMutex);
-    std::erase_if(device.objects.unboundMicromaps, [&](const std::weak_ptr<AccelerationStructure> &unbound) {
-        const auto other = unbound.lock();
-        return !other || other.get() == &structure;
-    });
+    auto &unbound = device.objects.unboundMicromaps;
+    const auto [first, last] = unbound.equal_range(structure.buffer);
+    for (auto at = first; at != last;) {
+        const auto other = at->second.lock();
+        at = !other || other.get() == &structure ? unbound.erase(at) : std::next(at);
+    }
     if (structure.micromapKey)
         device.objects.root.releaseDescriptor(structure.micromapKey);
 }

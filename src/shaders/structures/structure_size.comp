@@ -64,11 +64,13 @@ void main()
         }
         result = bytesOfUnits(saturatingAdd(headerUnits(named) + units + kBlockUnits, tail));
     } else if (descriptor.kind == kDescriptorBottom) {
-        const uint part = min(unitsOfBytes(driver) + 15u & ~15u, offset);
+        // A clone has its tail where the source has it, and a compacted copy behind the driver's part, which may be smaller.
+        uint part = offset;
+        if (push.property == kPropertyCompactedSize) {
+            part = min(unitsOfBytes(driver) + 15u & ~15u, offset);
+            Words(descriptorWords(push.descriptor)).w[6] = part; // which the copy reads
+        }
         result = bytesOfUnits(bottomLevelSizeUnits(part + descriptor.units));
-        // A compacted copy reads the offset of its tail from here.
-        if (push.property == kPropertyCompactedSize)
-            Words(descriptorWords(push.descriptor)).w[6] = part;
     } else if (descriptor.kind == kDescriptorPlain || descriptor.kind == kDescriptorBoxes) {
         result = bytesOfUnits(bottomLevelSizeUnits(ends ? min(unitsOfBytes(driver), offset) : unitsOfBytes(driver)));
     }

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The quirk "structures": a driver whose structures need more when they are built than they hold. The sizes of builds
 // are larger by half than lavapipe's, and odd; what lies between both sizes is the driver's to write, and gets a
-// pattern; the compacted size is lavapipe's. Of a handle the driver writes no more than a structure needs, however
-// large it is, as lavapipe does from Mesa 26 on; so it says that it is that one.
+// pattern; the size and the compacted size are lavapipe's, and a copy is of so many bytes. Of a handle the driver
+// writes no more than a structure needs, however large it is, as lavapipe does from Mesa 26 on; so it says that it is
+// that one.
 //
 // What a structure holds is known here by what was recorded last at its place, and of deserialized ones, once that was
 // executed, by what lavapipe has written.
@@ -262,14 +263,13 @@ VKAPI_ATTR void VKAPI_CALL cmdCopy(VkCommandBuffer handle, const VkCopyAccelerat
 {
     VkCopyAccelerationStructureInfoKHR below = *info;
     Content content = contentOf(info->src);
+    content.claimed = content.bytes;
     // Only the device knows the size of a compacted copy, so a layer cannot know it during recording.
     const bool compacts = info->mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
-    if (compacts)
-        content.claimed = content.bytes;
     const VkDeviceSize capacity = handleOf(info->dst).size;
-    if (!compacts && capacity < content.claimed)
+    if (!compacts && capacity < content.bytes)
         report("VUID-VkCopyAccelerationStructureInfoKHR-mode-12418: a handle of " + std::to_string(capacity) +
-               " bytes for " + std::to_string(content.claimed));
+               " bytes for " + std::to_string(content.bytes));
     below.src = ofExactSize(handle, info->src, content.bytes);
     below.dst = ofExactSize(handle, info->dst, content.bytes);
     if (content.bytes > 0)
@@ -299,11 +299,8 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteProperties(VkCommandBuffer handle, uint32_t c
                                               VkQueryPool pool, uint32_t first)
 {
     std::vector<VkAccelerationStructureKHR> below(list, list + count);
-    for (VkAccelerationStructureKHR &structure : below) {
-        const Content content = contentOf(structure);
-        const bool whole = type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR;
-        structure = ofExactSize(handle, structure, whole ? content.claimed : content.bytes);
-    }
+    for (VkAccelerationStructureKHR &structure : below)
+        structure = ofExactSize(handle, structure, contentOf(structure).bytes);
     DRIVER_NEXT(vkCmdWriteAccelerationStructuresPropertiesKHR)(handle, count, below.data(), type, pool, first);
 }
 

@@ -142,4 +142,41 @@ TEST_F(StructureScale, TopLevelOfAHundredThousandInstancesEachFrame)
     EXPECT_LE(allocations(), warmAllocations);
 }
 
+// GENERIC structures may hold micromaps, which are found by the addresses of their buffers once these have memory.
+TEST_F(StructureScale, MemoryAfterThousandsOfGenericStructures)
+{
+    const VkDevice device = gpu().device();
+    constexpr VkDeviceSize kBytes = 4096;
+    // Microseconds for each buffer that gets its memory after `count` structures were created.
+    const auto timeOf = [&](size_t count) {
+        std::vector<VkBuffer> buffers(count);
+        std::vector<VkAccelerationStructureKHR> structures(count);
+        auto bufferInfo = vkInit<VkBufferCreateInfo>({.size = kBytes, .usage = gpu().structureUsage()});
+        auto info = vkInit<VkAccelerationStructureCreateInfoKHR>(
+            {.size = kBytes, .type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR});
+        for (size_t i = 0; i < count; ++i) {
+            VT_CHECK(vkCreateBuffer(device, &bufferInfo, nullptr, &buffers[i]));
+            info.buffer = buffers[i];
+            VT_CHECK(gpu().vk().CreateAccelerationStructureKHR(device, &info, nullptr, &structures[i]));
+        }
+        VkMemoryRequirements needs;
+        vkGetBufferMemoryRequirements(device, buffers[0], &needs);
+        const VkDeviceSize stride = (needs.size + needs.alignment - 1) / needs.alignment * needs.alignment;
+        needs.size = stride * count;
+        const VkDeviceMemory memory = gpu().allocate(needs);
+        const auto start = std::chrono::steady_clock::now();
+        for (size_t i = 0; i < count; ++i)
+            VT_CHECK(vkBindBufferMemory(device, buffers[i], memory, i * stride));
+        const std::chrono::duration<double, std::micro> time = std::chrono::steady_clock::now() - start;
+        for (size_t i = 0; i < count; ++i) {
+            gpu().vk().DestroyAccelerationStructureKHR(device, structures[i], nullptr);
+            vkDestroyBuffer(device, buffers[i], nullptr);
+        }
+        vkFreeMemory(device, memory, nullptr);
+        return time.count() / static_cast<double>(count);
+    };
+    timeOf(500);
+    EXPECT_LT(timeOf(16000), 8 * timeOf(500));
+}
+
 } // namespace
