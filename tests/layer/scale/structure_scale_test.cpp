@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Thousands of bottom-level structures with micromaps in a frame, and a top-level structure of 100,000 instances in
 // each.
+#include <ctime>
+
 #include "harness/program/labels.h"
 #include "scale/scale.h"
 
@@ -147,7 +149,7 @@ TEST_F(StructureScale, MemoryAfterThousandsOfGenericStructures)
 {
     const VkDevice device = gpu().device();
     constexpr VkDeviceSize kBytes = 4096;
-    // Microseconds for each buffer that gets its memory after `count` structures were created.
+    // Processor time of each buffer that gets its memory after `count` structures were created.
     const auto timeOf = [&](size_t count) {
         std::vector<VkBuffer> buffers(count);
         std::vector<VkAccelerationStructureKHR> structures(count);
@@ -164,19 +166,19 @@ TEST_F(StructureScale, MemoryAfterThousandsOfGenericStructures)
         const VkDeviceSize stride = (needs.size + needs.alignment - 1) / needs.alignment * needs.alignment;
         needs.size = stride * count;
         const VkDeviceMemory memory = gpu().allocate(needs);
-        const auto start = std::chrono::steady_clock::now();
+        const std::clock_t start = std::clock();
         for (size_t i = 0; i < count; ++i)
             VT_CHECK(vkBindBufferMemory(device, buffers[i], memory, i * stride));
-        const std::chrono::duration<double, std::micro> time = std::chrono::steady_clock::now() - start;
+        const std::clock_t time = std::clock() - start;
         for (size_t i = 0; i < count; ++i) {
             gpu().vk().DestroyAccelerationStructureKHR(device, structures[i], nullptr);
             vkDestroyBuffer(device, buffers[i], nullptr);
         }
         vkFreeMemory(device, memory, nullptr);
-        return time.count() / static_cast<double>(count);
+        return static_cast<double>(time) / static_cast<double>(count);
     };
     timeOf(500);
-    EXPECT_LT(timeOf(16000), 8 * timeOf(500));
+    EXPECT_LT(timeOf(16000), 12 * timeOf(500)); // 32 where each looks at all structures
 }
 
 } // namespace
