@@ -4,7 +4,8 @@
 
 - an include goes from a part of src/ only to a part that it may use, or to files of it, and from a subsystem only to those
   that it may use;
-- a part with subsystems has its sources in them.
+- a part with subsystems has its sources in them;
+- what becomes WebAssembly uses no algorithm of std::ranges, which the library of Debian 12's Emscripten lacks.
 
 usage: check_includes.py [ROOT]
 """
@@ -80,6 +81,7 @@ SUBSYSTEMS = {
 
 SOURCES = {".c", ".cpp", ".h", ".inc", ".glsl", ".comp", ".vert", ".frag", ".mesh", ".rgen", ".rmiss", ".rchit",
            ".rahit", ".rint", ".rcall"}
+WASM = {"wasm", *PARTS["wasm"], "bake"}
 INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"')
 
 
@@ -135,6 +137,8 @@ def check(root):
             if part in SUBSYSTEMS and subsystem not in SUBSYSTEMS[part]:
                 found.append(f"src/{here}: in no subsystem of src/{part} that {pathlib.Path(__file__).name} knows")
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            if here.parts[0] in WASM and "std::ranges::" in line:
+                found.append(f"src/{here}:{number}: src/{here.parts[0]} becomes WebAssembly and has no std::ranges")
             if match := INCLUDE.match(line):
                 there = included(root, path, match[1])
                 if there and (wrong := finding_of_include(here, there)):

@@ -100,6 +100,9 @@ class CheckIncludes(unittest.TestCase):
         self.expect_finding({"src/layer/lost.cpp": ""}, "src/layer/lost.cpp: in no subsystem")
         self.expect_finding({"src/layer/attic/lost.cpp": ""}, "src/layer/attic/lost.cpp: in no subsystem")
 
+    def test_ranges_in_wasm(self):
+        self.expect_finding({"src/gltf/any.cpp": "\nstd::ranges::any_of(values);\n"}, "src/gltf/any.cpp:2", "WebAssembly")
+
     def test_no_part(self):
         self.expect_finding({"src/extra/new.cpp": ""}, "src/extra/new.cpp: in no part")
 

@@ -75,7 +75,8 @@ std::string cutoffCaution(const Material &material, const PrimitiveMicromap &mic
 {
     const auto only = onlyOutcome(material, static_cast<double>(material.alphaCutoff));
     if (!only || material.baseColor[3] == 0 ||
-        std::ranges::any_of(micromap.indices, [&](int32_t index) { return index != specialIndex(*only); }))
+        std::any_of(micromap.indices.begin(), micromap.indices.end(),
+                    [&](int32_t index) { return index != specialIndex(*only); }))
         return "";
     std::array<char, 32> cutoff{};
     std::snprintf(cutoff.data(), cutoff.size(), "%.9g", static_cast<double>(material.alphaCutoff));
