@@ -31,7 +31,7 @@ std::vector<uint32_t> unfold(int mode, std::vector<uint32_t> corners, std::optio
     indices.reserve(corners.size() < 3 ? 0 : 3 * (corners.size() - 2));
     for (auto first = corners.begin(); first != corners.end();) {
         const auto end = restart ? std::find(first, corners.end(), *restart) : corners.end();
-        const std::span<const uint32_t> c(first, end);
+        const std::span<const uint32_t> c(&*first, static_cast<size_t>(end - first));
         for (size_t i = 0; i + 2 < c.size(); ++i) {
             if (strip)
                 indices.insert(indices.end(), {c[i], c[i + 1 + i % 2], c[i + 2 - i % 2]});
