@@ -606,8 +606,9 @@ TEST(CacheFolder, SharedByThreads)
                 EXPECT_EQ(cache.problem(), "");
             });
     }
+    // Wine's ReplaceFile() leaves the file rf<digits>.tmp where somebody reads the one that it replaces.
     for (const fs::path &file : filesIn(folder / "cache"))
-        EXPECT_EQ(file.filename().string().size(), 64u) << file;
+        EXPECT_TRUE(file.filename().string().size() == 64 || file.filename().string().starts_with("rf")) << file;
     for (const fs::directory_entry &part : fs::directory_iterator(folder / "cache/micromaps"))
         EXPECT_LE(filesIn(part.path()).size(), 17u) << part;
 }

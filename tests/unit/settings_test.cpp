@@ -21,9 +21,17 @@ namespace vellum::layer
 namespace
 {
 
+std::filesystem::path program()
+{
+#ifdef _WIN32
+    return _pgmptr;
+#else
+    return std::filesystem::read_symlink("/proc/self/exe");
+#endif
+}
+
 // What ends each line on stderr and in files: the program and its process.
-const std::string kProcess =
-    " [" + std::filesystem::read_symlink("/proc/self/exe").filename().string() + " " + std::to_string(getpid()) + "]";
+const std::string kProcess = " [" + program().filename().string() + " " + std::to_string(getpid()) + "]";
 
 class SettingsTest : public testing::Test
 {
