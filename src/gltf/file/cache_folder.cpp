@@ -27,6 +27,12 @@ constexpr uint64_t kUnchecked = 16;
 // After which a file with a temporary name is one that a killed process left.
 constexpr std::chrono::hours kLongestWrite{1};
 
+#ifdef _WIN32
+constexpr bool kReplacingLocks = true; // nobody opens a file while another one replaces it
+#else
+constexpr bool kReplacingLocks = false;
+#endif
+
 // Windows does not remove a file that somebody reads; the next who needs the room does.
 bool isInUse([[maybe_unused]] const std::error_code &error)
 {
@@ -90,7 +96,7 @@ std::optional<std::vector<uint8_t>> CacheFolder::get(const Digest &key)
         return std::nullopt;
     std::vector<uint8_t> value(static_cast<size_t>(size));
     std::ifstream file(path, std::ios::binary);
-    if (!file && fs::exists(path, error)) // otherwise it has just been removed
+    if (!file && !kReplacingLocks && fs::exists(path, error)) // otherwise it has just been removed
         note(utf8Text(path) + " cannot be read");
     if (!file.read(reinterpret_cast<char *>(value.data()), static_cast<std::streamsize>(size)))
         return std::nullopt;
