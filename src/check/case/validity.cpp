@@ -100,10 +100,9 @@ uint32_t bytesOf(VkIndexType type)
 
 void checkUse(const Scene &scene, const MeshMicromap &use, size_t triangles, const std::string &where)
 {
-    const size_t count =
-        use.micromap && *use.micromap < scene.micromaps.size() ? scene.micromaps[*use.micromap].triangles.size() : 0;
-    rule(!use.micromap || *use.micromap < scene.micromaps.size(), where, "micromap {} does not exist",
-         use.micromap.value_or(0));
+    const bool exists = use.micromap && *use.micromap < scene.micromaps.size();
+    const size_t count = exists ? scene.micromaps[*use.micromap].triangles.size() : 0;
+    rule(exists || !use.micromap, where, "micromap {} does not exist", use.micromap.value_or(0));
     rule(isNamed(kIndexTypeNames, use.indexType), where, "no such index type");
     rule((use.usage & ~allOf(kUsageNames)) == 0, where, "no such form of usage counts");
     rule(use.indices.size() == triangles, where, "{} indices for {} triangles", use.indices.size(), triangles);

@@ -170,7 +170,7 @@ SurfaceAreas surfaceAreas(const Document &document)
 StoredShares::StoredShares(const StoredMicromaps &stored) : stored_(stored)
 {
     for (const StoredMicromap &micromap : stored.micromaps)
-        shares_.push_back(stateShares(micromap.triangles, micromap.data));
+        counted_.push_back({stateShares(micromap.triangles, micromap.data), micromap.isApproximate()});
 }
 
 std::optional<SurfaceShares> StoredShares::of(const SurfaceAreas &areas) const
@@ -183,9 +183,9 @@ std::optional<SurfaceShares> StoredShares::of(const SurfaceAreas &areas) const
             continue;
         }
         const PrimitiveMicromap &primitive = found->second;
-        const StoredMicromap &micromap = stored_.micromaps[primitive.micromap];
-        sum.add(its, primitive.indices, primitive.baseTriangle, micromap.triangles, shares_[primitive.micromap],
-                micromap.isApproximate());
+        const Counted &counted = counted_[primitive.micromap];
+        sum.add(its, primitive.indices, primitive.baseTriangle, stored_.micromaps[primitive.micromap].triangles,
+                counted.shares, counted.approximate);
     }
     return sum.shares();
 }

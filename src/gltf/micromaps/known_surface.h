@@ -53,8 +53,12 @@ public:
     [[nodiscard]] std::optional<SurfaceShares> of(const SurfaceAreas &areas) const;
 
 private:
+    struct Counted {
+        std::vector<std::array<double, 4>> shares; // of each triangle
+        bool approximate = false;
+    };
     const StoredMicromaps &stored_;
-    std::vector<std::vector<std::array<double, 4>>> shares_; // of each micromap's triangles
+    std::vector<Counted> counted_; // of each micromap
 };
 
 } // namespace vellum
