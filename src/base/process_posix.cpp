@@ -27,8 +27,24 @@
 
 namespace vellum
 {
+namespace
+{
+
+// A file that is opened later must not become a standard stream. What is in the place of a closed one cannot be used
+// either, and programs that are started have it closed.
+void occupyStandardStreams()
+{
+    for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
+        if (fcntl(stream, F_GETFD) < 0)
+            static_cast<void>(open("/dev/null", (stream == STDIN_FILENO ? O_WRONLY : O_RDONLY) | O_CLOEXEC));
+}
+
+} // namespace
+
 std::vector<std::string> prepareProcess(int argc, char **argv)
 {
+    occupyStandardStreams();
+    std::signal(SIGCHLD, SIG_DFL); // where a parent ignores it, children cannot be waited for
     return {argv + (argc > 0 ? 1 : 0), argv + argc};
 }
 
