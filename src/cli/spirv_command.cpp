@@ -2,6 +2,7 @@
 // `vellum spirv`
 #include <algorithm>
 #include <charconv>
+#include <cstdio>
 #include <fmt/format.h>
 #include <memory>
 #include <optional>
@@ -200,7 +201,7 @@ int lintCommand(const SpirvOptions &options)
     for (const std::filesystem::path &path : options.inputs) {
         const SpirvFile &file = files.emplace_back(lintFile(path));
         if (!file.error.empty())
-            fmt::print(stderr, "vellum: {}\n", file.error);
+            std::fprintf(stderr, "vellum: %s\n", file.error.c_str());
         if (!file.error.empty() || !file.findings->empty())
             code = ExitCode::Failed;
         if (!options.json)

@@ -121,7 +121,7 @@ int verifyCommand(VerifyOptions &options)
         file.code = exitCodeOf(file, options.strict, options.requireMicromaps);
         code = worse(code, file.code);
         if (!file.error.empty())
-            fmt::print(stderr, "vellum: {}\n", file.error);
+            std::fprintf(stderr, "vellum: %s\n", file.error.c_str());
         if (options.json) {
             files.push_back(std::move(file));
         } else {

@@ -49,6 +49,9 @@ Outcome runVellumWithOpenFiles(const std::vector<std::string> &arguments, unsign
 // Runs it with a limit on the size of each file that it writes.
 Outcome runVellumWithFileLimit(const std::vector<std::string> &arguments, unsigned long bytes);
 
+// Runs a script of the shell, in which "$@" is the command with these arguments.
+Outcome runVellumInScript(const std::string &script, const std::vector<std::string> &arguments);
+
 // Runs it with a stdout that cannot be written: /dev/full.
 Outcome runVellumToFullDevice(const std::vector<std::string> &arguments);
 

@@ -29,8 +29,8 @@ std::string textOf(const std::filesystem::path &path)
     return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// Called in the child process after fork.
-[[noreturn]] void execute(std::vector<std::string> arguments,
+// Called in the child process after fork. `words`: the program, which is not looked up, and its arguments.
+[[noreturn]] void execute(std::vector<std::string> words,
                           const std::vector<std::pair<std::string, std::string>> &environment,
                           const std::filesystem::path &output, const std::filesystem::path &errors)
 {
@@ -46,21 +46,21 @@ std::string textOf(const std::filesystem::path &path)
 #if !defined(__SANITIZE_ADDRESS__)
     personality(ADDR_NO_RANDOMIZE);
 #endif
-    std::vector<char *> argv = {const_cast<char *>("vellum")};
-    for (std::string &argument : arguments)
-        argv.push_back(argument.data());
+    std::vector<char *> argv;
+    for (std::string &word : words)
+        argv.push_back(word.data());
     argv.push_back(nullptr);
     if (std::freopen(output.c_str(), "w", stdout) == nullptr || std::freopen(errors.c_str(), "w", stderr) == nullptr)
         _exit(127);
-    execv(VELLUM_COMMAND, argv.data());
+    execv(argv.front(), argv.data());
     _exit(127);
 }
 
 // `inChild` is called in the child before it begins, `meanwhile` in the parent, with the child's id.
 template <typename InChild, typename Meanwhile>
-Outcome run(const std::vector<std::string> &arguments,
-            const std::vector<std::pair<std::string, std::string>> &environment, InChild &&inChild,
-            Meanwhile &&meanwhile, const std::filesystem::path &device = {})
+Outcome runWords(const std::vector<std::string> &words,
+                 const std::vector<std::pair<std::string, std::string>> &environment, InChild &&inChild,
+                 Meanwhile &&meanwhile, const std::filesystem::path &device = {})
 {
     const TemporaryFolder folder;
     std::fflush(nullptr); // else the child would write what is buffered once more
@@ -69,7 +69,7 @@ Outcome run(const std::vector<std::string> &arguments,
         throw std::runtime_error("no process");
     if (child == 0) {
         inChild();
-        execute(arguments, environment, device.empty() ? folder / "output" : device, folder / "errors");
+        execute(words, environment, device.empty() ? folder / "output" : device, folder / "errors");
     }
     meanwhile(child);
     int status = 0;
@@ -77,6 +77,16 @@ Outcome run(const std::vector<std::string> &arguments,
         throw std::runtime_error("the process was lost");
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, WIFSIGNALED(status) ? WTERMSIG(status) : 0,
             textOf(folder / "output"), textOf(folder / "errors")};
+}
+
+template <typename InChild, typename Meanwhile>
+Outcome run(const std::vector<std::string> &arguments,
+            const std::vector<std::pair<std::string, std::string>> &environment, InChild &&inChild,
+            Meanwhile &&meanwhile, const std::filesystem::path &device = {})
+{
+    std::vector<std::string> words = {VELLUM_COMMAND};
+    words.insert(words.end(), arguments.begin(), arguments.end());
+    return runWords(words, environment, inChild, meanwhile, device);
 }
 
 } // namespace
@@ -179,6 +189,14 @@ Outcome runVellumInTerminal(const std::vector<std::string> &arguments)
     close(terminal);
     outcome.output = output;
     return outcome;
+}
+
+Outcome runVellumInScript(const std::string &script, const std::vector<std::string> &arguments)
+{
+    std::vector<std::string> words = {"/bin/sh", "-c", script, "sh", VELLUM_COMMAND};
+    words.insert(words.end(), arguments.begin(), arguments.end());
+    return runWords(
+        words, {}, [] {}, [](pid_t) {});
 }
 
 Outcome runVellumToFullDevice(const std::vector<std::string> &arguments)

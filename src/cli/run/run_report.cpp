@@ -197,20 +197,22 @@ std::vector<std::string> RunReport::staleIgnores() const
 void print(const RunReport &report)
 {
     const MessageSummary &messages = report.messages;
+    std::string text;
     if (report.end.code != 0)
-        fmt::print(stderr, "vellum run: the program {}\n", report.end.text);
+        text += fmt::format("vellum run: the program {}\n", report.end.text);
     if (const std::string why = messages.whyUnchecked(); !why.empty())
-        fmt::print(stderr, "vellum run: {}\n",
-                   messages.devices != 0 && !messages.validated ? "not validated: add --validate"
-                                                                : "nothing was checked: " + why);
-    fmt::print(stderr, "vellum run: {}, {}, {}{}\n", countOf(messages.count(MessageSeverity::Error), "error"),
-               countOf(messages.count(MessageSeverity::Warning), "warning"),
-               messages.ignored() == 0 ? "" : countOf(messages.ignored(), "message") + " ignored, ",
-               checkedDevices(messages));
+        text += fmt::format("vellum run: {}\n", messages.devices != 0 && !messages.validated
+                                                    ? "not validated: add --validate"
+                                                    : "nothing was checked: " + why);
+    text += fmt::format("vellum run: {}, {}, {}{}\n", countOf(messages.count(MessageSeverity::Error), "error"),
+                        countOf(messages.count(MessageSeverity::Warning), "warning"),
+                        messages.ignored() == 0 ? "" : countOf(messages.ignored(), "message") + " ignored, ",
+                        checkedDevices(messages));
     for (const MessageSummary::Kind &kind : messages.kinds)
-        fmt::print(stderr, "  {:<7} {}{}: {}\n", nameOf(kind.severity), kind.id, remarksOn(kind), kind.text);
+        text += fmt::format("  {:<7} {}{}: {}\n", nameOf(kind.severity), kind.id, remarksOn(kind), kind.text);
     for (const std::string &id : report.staleIgnores())
-        fmt::print(stderr, "vellum run: --ignore {}: no such message\n", id);
+        text += fmt::format("vellum run: --ignore {}: no such message\n", id);
+    std::fputs(text.c_str(), stderr); // fmt::print() throws where nothing can be written
 }
 
 std::string junitXml(const RunReport &report)

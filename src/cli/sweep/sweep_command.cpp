@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <fmt/format.h>
 #include <map>
 #include <mutex>
@@ -206,7 +207,7 @@ int sweepCommand(const SweepOptions &options)
     auto code = ExitCode::Success;
     for (const SweptFile &file : sweep.files)
         if (!file.error.empty()) {
-            fmt::print(stderr, "vellum: {}\n", file.error);
+            std::fprintf(stderr, "vellum: %s\n", file.error.c_str());
             code = ExitCode::Failed;
         }
     if (sweep.rows.empty() && code == ExitCode::Success) {
