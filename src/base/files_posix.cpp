@@ -48,7 +48,9 @@ std::string problemOfFolder(const std::filesystem::path &folder)
 TemporaryFile::TemporaryFile()
 {
     std::error_code error;
-    const std::filesystem::path folder = std::filesystem::temp_directory_path(error);
+    std::filesystem::path folder = std::filesystem::temp_directory_path(error);
+    if (!error) // it may be relative, and a program that gets the name may change its working directory
+        folder = std::filesystem::absolute(folder, error);
     if (error)
         throw Error("the folder for temporary files (TMPDIR) cannot be used: " + error.message());
     std::string name = utf8Text(folder / "vellum-XXXXXX");

@@ -398,6 +398,32 @@ TEST(Run, ProgramsThatCannotBeRun)
     EXPECT_EQ(runVellum({"run", "--", (folder / "text").string()}).exitCode, 126);
 }
 
+#ifndef _WIN32
+TEST(Run, MessagesThatCannotBePrintedChangeNothing)
+{
+    const TemporaryFolder folder;
+    const std::string junit = (folder / "run.xml").string();
+    const auto run = [&](const std::string &streams, const std::string &script) {
+        return runVellumInScript("\"$@\"" + streams, {"run", "--junit", junit, "--", "sh", "-c", script}).exitCode;
+    };
+    for (const char *streams : {" 2>/dev/full", " 2>&-", " <&- >&- 2>&-"}) {
+        EXPECT_EQ(run(streams, "exit 3"), 3) << streams;
+        EXPECT_EQ(run(streams, kError), kMessagesFailed) << streams;
+        const Bytes file = readFile(junit);
+        EXPECT_NE(std::string(file.begin(), file.end()).find("VELLUM-a"), std::string::npos) << streams;
+    }
+}
+
+// Of TMPDIR, which may be relative.
+TEST(Run, TheProgramMayChangeItsWorkingDirectory)
+{
+    const TemporaryFolder folder;
+    const Outcome outcome = runVellumInScript("cd " + folder.path().string() + " && TMPDIR=. \"$@\"",
+                                              {"run", "--", "sh", "-c", std::string("cd /; ") + kError});
+    EXPECT_EQ(outcome.exitCode, kMessagesFailed) << outcome.errors;
+}
+#endif
+
 TEST(Run, WordsOfTheProgramStayAsTheyAre)
 {
     const Outcome outcome = runProgram({"--strict"}, {"words", "[a,b]", "--help", "", "--", "run", "--strict"});
