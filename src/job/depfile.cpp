@@ -37,15 +37,24 @@ std::string escaped(const std::filesystem::path &path)
 
 } // namespace
 
+// Make takes `a=b: c` and `c: a=b` as assignments, but not `c: d a=b`.
 std::string depfileRule(const std::filesystem::path &output, const std::vector<std::filesystem::path> &dependencies)
 {
-    if (utf8Text(output).find('%') != std::string::npos)
+    const auto has = [](const std::filesystem::path &path, char c) {
+        return utf8Text(path).find(c) != std::string::npos;
+    };
+    if (has(output, '%'))
         reject(output, "Make would take as a pattern");
+    if (has(output, '='))
+        reject(output, "Make would take as an assignment");
+    if (!dependencies.empty() && has(dependencies.front(), '='))
+        reject(dependencies.front(), "Make would take as an assignment");
     std::string rule = escaped(output) + ":";
     std::string others;
     for (const std::filesystem::path &dependency : dependencies) {
         rule += " \\\n  " + escaped(dependency);
-        others += escaped(dependency) + ":\n";
+        if (!has(dependency, '='))
+            others += escaped(dependency) + ":\n";
     }
     return rule + "\n" + others;
 }

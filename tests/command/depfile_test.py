@@ -169,6 +169,12 @@ build {folder}/tree.omm.gltf: bake {folder}/tree.gltf
         done = run(VELLUM, "bake", "--files", "list", "--depfile", "x.d", folder=self.root)
         self.assertEqual(done.returncode, 1, done.stdout)
         self.assertIn("pattern", done.stdout)
+        # Make would not rebuild.
+        write_gltf(self.root / "a=b")
+        for given, output in ((f"{FOLDER}/tree.gltf", "out/a=b.gltf"), ("a=b/tree.gltf", "out/ab.gltf")):
+            done = run(VELLUM, "bake", given, output, "--depfile", "x.d", folder=self.root)
+            self.assertEqual(done.returncode, 1, done.stdout)
+            self.assertIn("assignment", done.stdout)
         (self.root / "a\nb").mkdir()
         shutil.copy(self.input / "tree.gltf", self.root / "a\nb")
         done = run(VELLUM, "bake", "a\nb/tree.gltf", "--copy", "--depfile", "x.d", folder=self.root)
