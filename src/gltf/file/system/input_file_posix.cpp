@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cerrno>
+#include <cstring>
+#include <string>
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -10,19 +12,30 @@
 
 namespace vellum
 {
+namespace
+{
+
+[[noreturn]] void fail(int error)
+{
+    if (error == ENOENT || error == ENOTDIR)
+        throw GltfError("no such file");
+    throw GltfError(std::string("cannot be read: ") + std::strerror(error));
+}
+
+} // namespace
 
 InputFile::InputFile(const std::filesystem::path &path) : path_(path)
 {
     struct stat status {
     };
     if (stat(path.c_str(), &status) != 0)
-        throw GltfError("no such file");
+        fail(errno);
     if (!S_ISREG(status.st_mode))
         throw GltfError("not a file");
     // O_NONBLOCK: it may have become a pipe meanwhile.
     const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
     if (file < 0)
-        throw GltfError("cannot be read");
+        fail(errno);
     if (fstat(file, &status) != 0 || !S_ISREG(status.st_mode)) {
         close(file);
         throw GltfError("not a file");
@@ -42,7 +55,7 @@ size_t InputFile::read(std::span<uint8_t> bytes)
     while (done < bytes.size()) {
         const ssize_t count = ::read(static_cast<int>(file_), bytes.data() + done, bytes.size() - done);
         if (count < 0 && errno != EINTR)
-            throw GltfError("cannot be read");
+            fail(errno);
         if (count == 0)
             break;
         done += count < 0 ? 0 : static_cast<size_t>(count);
