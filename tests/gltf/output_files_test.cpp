@@ -5,6 +5,11 @@
 #include <gtest/gtest.h>
 #include <set>
 #include <unistd.h>
+#ifndef _WIN32
+#include <sched.h>
+#include <sys/mount.h>
+#include <sys/wait.h>
+#endif
 
 #include "bake/bake.h"
 #include "glb_file.h"
@@ -59,6 +64,33 @@ TEST(OutputFiles, AppearWhenTheyArePublished)
 }
 
 #ifndef _WIN32
+// As in a chroot.
+TEST(OutputFiles, AppearWithoutProc)
+{
+    const TemporaryFolder folder;
+    constexpr int kUnsupported = 77;
+    const pid_t child = fork();
+    if (child == 0) {
+        if (unshare(CLONE_NEWUSER | CLONE_NEWNS) != 0 || mount("none", "/proc", "tmpfs", 0, nullptr) != 0)
+            _exit(kUnsupported);
+        try {
+            OutputFiles files(kNever);
+            files.write(folder / "new", contentOf("new"));
+            files.publish();
+        } catch (const GltfError &) {
+            _exit(1);
+        }
+        _exit(0);
+    }
+    int status = 0;
+    ASSERT_EQ(waitpid(child, &status, 0), child);
+    if (WIFEXITED(status) && WEXITSTATUS(status) == kUnsupported)
+        GTEST_SKIP() << "nothing can be mounted";
+    EXPECT_EQ(status, 0);
+    EXPECT_EQ(textOf(folder / "new"), "new");
+    EXPECT_EQ(entries(folder.path()), 1u);
+}
+
 // As on a file server that repeated the request.
 TEST(OutputFiles, NoOtherNameStaysOfAFileThatHasAppearedAlready)
 {

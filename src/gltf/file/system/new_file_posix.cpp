@@ -57,6 +57,8 @@ NewFile::NewFile(const std::filesystem::path &path) : path_(path), folder_(folde
 {
     // A file without a name goes away with the process, however that ends.
     file_ = open(folder_.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
+    if (file_ >= 0 && access(readable().c_str(), F_OK) != 0)
+        discard(); // /proc is not mounted, by which it would get its name
     if (file_ < 0) {
         temporary_ = temporaryName(path, [&](const std::filesystem::path &name) {
             file_ = open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
