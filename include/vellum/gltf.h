@@ -15,8 +15,9 @@
 //
 // FILES
 // All strings, including paths, are UTF-8. Files are not trusted: what the functions return obeys every rule of the
-// extension and can be passed to a micromap build as it is. A file that cannot be read or written, is invalid, or needs
-// more memory than there is, fails with VELLUM_ERROR_FILE and a message that names the file and the place in it.
+// extension and can be passed to a micromap build as it is. A file that cannot be read or written, or is invalid, fails
+// with VELLUM_ERROR_FILE and a message that names the file and the place in it; one that needs more memory than there
+// is, with VELLUM_ERROR_OUT_OF_MEMORY.
 //
 // LIFETIMES
 // Memory that vellumGetGltf...() returns belongs to the VellumGltf and is valid until vellumDestroyGltf(). The file is
@@ -141,7 +142,10 @@ typedef enum VellumGltfBakeFlagBits {
     // the former, which renderers may take, differs.
     VELLUM_GLTF_BAKE_FALLBACK_IMAGES_BIT = 8,
     // The smallest micromaps that know the share targetKnown of the surface.
-    VELLUM_GLTF_BAKE_TARGET_KNOWN_BIT = 16
+    VELLUM_GLTF_BAKE_TARGET_KNOWN_BIT = 16,
+    // Files that are copied to the folder of the output replace different ones of the same names, which other models in
+    // it may name. Without it these are an error.
+    VELLUM_GLTF_BAKE_REPLACE_COPIES_BIT = 32
 } VellumGltfBakeFlagBits;
 
 // A cache of the caller's, such as the derived-data cache of an engine: values of a few kilobytes by keys of

@@ -139,10 +139,10 @@ void vellum::library::readDocumentOptions(const VellumBakeOptions &bake, const V
                       ", not VELLUM_COMPARE_OP_GREATER_OR_EQUAL, which is glTF's");
     if (bake.flags != 0)
         throw invalid("flags of VellumBakeOptions is " + std::to_string(bake.flags) + ", not 0");
-    constexpr uint32_t kFlags = uint32_t{VELLUM_GLTF_BAKE_BLEND_BIT} | uint32_t{VELLUM_GLTF_BAKE_EMBED_BIT} |
-                                uint32_t{VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT} |
-                                uint32_t{VELLUM_GLTF_BAKE_FALLBACK_IMAGES_BIT} |
-                                uint32_t{VELLUM_GLTF_BAKE_TARGET_KNOWN_BIT};
+    constexpr uint32_t kFlags =
+        uint32_t{VELLUM_GLTF_BAKE_BLEND_BIT} | uint32_t{VELLUM_GLTF_BAKE_EMBED_BIT} |
+        uint32_t{VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT} | uint32_t{VELLUM_GLTF_BAKE_FALLBACK_IMAGES_BIT} |
+        uint32_t{VELLUM_GLTF_BAKE_TARGET_KNOWN_BIT} | uint32_t{VELLUM_GLTF_BAKE_REPLACE_COPIES_BIT};
     if ((given.flags & ~kFlags) != 0)
         throw invalid("flags is " + std::to_string(given.flags) + ", not made of VellumGltfBakeFlagBits");
     options.blend = (given.flags & VELLUM_GLTF_BAKE_BLEND_BIT) != 0;
@@ -262,6 +262,7 @@ VellumResult bakeInto(MakeSource &&source, Target &&target, const VellumBakeOpti
         const std::filesystem::path to = target(wanted, known.userData);
         readDocumentOptions(known, gltf, wanted);
         wanted.embed = wanted.embed || (gltf.flags & VELLUM_GLTF_BAKE_EMBED_BIT) != 0;
+        wanted.replaceCopies = (gltf.flags & VELLUM_GLTF_BAKE_REPLACE_COPIES_BIT) != 0;
         wanted.cache = cacheOf(gltf, known.userData);
         // Whoever stops the bake at its last triangle is heard before the first byte is written.
         const Callbacks callbacks(known, wanted.bake);

@@ -176,6 +176,11 @@ class Addon(unittest.TestCase):
         self.export("tree.gltf")
         found = {path.suffix for path in self.folder.iterdir()}
         self.assertEqual(found, {".gltf", ".bin", ".png"})
+        # Once more, after a change of the mesh and of the texture.
+        self.cards[0].data.vertices[0].co.x -= 1
+        self.image.pixels.foreach_set(self.pixels[:, ::-1].ravel())
+        self.image.pack()
+        self.export("tree.gltf")
 
     def test_remembered_options_of_the_exporter(self):
         bpy.context.scene["glTF2ExportSettings"] = {"use_selection": True, "export_format": "GLTF_EMBEDDED"}

@@ -382,6 +382,18 @@ TEST(LibraryGltf, MicromapsInASeparateFileOrEmbedded)
         ASSERT_EQ(card.read("baked.gltf"), VELLUM_SUCCESS) << card.message;
         EXPECT_EQ(card.micromap(0).dataSize, 64u);
     }
+    // Files that are copied replace others only on request.
+    std::filesystem::create_directory(card.folder / "out");
+    for (const uint8_t first : Bytes{1, 2}) {
+        bytes[0] = first;
+        writeFile(card.folder / "triangle.bin", bytes);
+        EXPECT_EQ(card.bake("triangle.gltf", "out/baked.gltf"), first == 1 ? VELLUM_SUCCESS : VELLUM_ERROR_FILE);
+    }
+    EXPECT_NE(card.message.find("is there already and differs"), std::string::npos) << card.message;
+    card.more.flags = VELLUM_GLTF_BAKE_REPLACE_COPIES_BIT;
+    EXPECT_EQ(card.bake("triangle.gltf", "out/baked.gltf"), VELLUM_SUCCESS) << card.message;
+    EXPECT_EQ(readFile(card.folder / "out/triangle.bin"), bytes);
+
     std::filesystem::resize_file(buffer(), 10);
     EXPECT_EQ(card.read("baked.gltf"), VELLUM_ERROR_FILE);
     EXPECT_NE(card.message.find("baked.gltf: "), std::string::npos) << card.message;
@@ -450,7 +462,7 @@ TEST(LibraryGltf, BadArgumentsAreNamed)
          [](Card &c) { c.options.compareOp = VELLUM_COMPARE_OP_GREATER; }},
         {"flags of VellumBakeOptions is 1",
          [](Card &c) { c.options.flags = VELLUM_BAKE_DISALLOW_MIXED_SPECIAL_INDICES_BIT; }},
-        {"flags is 32", [](Card &c) { c.more.flags = 32; }},
+        {"flags is 64", [](Card &c) { c.more.flags = 64; }},
         {"targetKnown is 1.5", [](Card &c) { c.more.targetKnown = 1.5; }},
         {"targetKnown is nan", [](Card &c) { c.more.targetKnown = std::numeric_limits<double>::quiet_NaN(); }},
         {"budget and VELLUM_GLTF_BAKE_TARGET_KNOWN_BIT exclude each other",

@@ -557,6 +557,19 @@ class Files(Case):
         self.rejects(ValueError, "null character", vellum.read_gltf, "tree.glb\0.txt")
         self.rejects(TypeError, "file: expected bytes", vellum.bake_gltf, [1])
 
+    def test_copies_are_replaced_on_request(self):
+        document, binary = self.parts_of(self.bytes)
+        document["buffers"][0]["uri"] = "copied.bin"
+        (self.folder / "copied").mkdir()
+        (self.folder / "copied.gltf").write_text(json.dumps(document))
+        arguments = self.folder / "copied.gltf", self.folder / "copied/tree.gltf"
+        (self.folder / "copied.bin").write_bytes(binary)
+        vellum.bake_gltf_file(*arguments)
+        (self.folder / "copied.bin").write_bytes(binary + b"more")
+        self.fails(vellum.Result.ERROR_FILE, "copied.bin: is there already", vellum.bake_gltf_file, *arguments)
+        vellum.bake_gltf_file(*arguments, replace_copies=True)
+        self.assertEqual((self.folder / "copied/copied.bin").read_bytes(), binary + b"more")
+
     def test_cancelled_bakes_write_nothing(self):
         output = self.folder / "cancelled.glb"
         for callbacks in ({"progress": lambda *_: True}, {"cancelled": lambda: True}):

@@ -86,7 +86,8 @@ def _nothing(report):
 
 
 def export_baked(context, path):
-    """Exports the scene to a .glb or .gltf with micromaps, and returns vellum's report. The file is written whole or not at all."""
+    """Exports the scene to a .glb or .gltf with micromaps, and returns vellum's report. The file is written whole or not at all.
+    Like those of Blender's own exporter, files of a .gltf replace earlier ones."""
     path = pathlib.Path(path)
     with tempfile.TemporaryDirectory(prefix="vellum-") as folder:
         plain = pathlib.Path(folder, path.name)
@@ -98,7 +99,7 @@ def export_baked(context, path):
             report = vellum.bake_gltf(plain.read_bytes(), name=str(plain), cache=cache, **chosen)[1]
             if not report.primitive_count:
                 raise _nothing(report)
-            return vellum.bake_gltf_file(plain, path, cache=cache, **chosen)
+            return vellum.bake_gltf_file(plain, path, cache=cache, replace_copies=True, **chosen)
 
 
 def _exported(context):

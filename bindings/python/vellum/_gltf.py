@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 Path = Union[str, "os.PathLike[str]"]
-_BLEND, _EMBED, _BLEND_CUTOFF, _FALLBACK_IMAGES, _TARGET_KNOWN = 1, 2, 4, 8, 16
+_BLEND, _EMBED, _BLEND_CUTOFF, _FALLBACK_IMAGES, _TARGET_KNOWN, _REPLACE_COPIES = 1, 2, 4, 8, 16, 32
 
 
 class GltfNote(NamedTuple):
@@ -173,8 +173,8 @@ def check_gltf(file: Path | ReadableBuffer, most: int = 100, *, name: str = "inp
 class _FileBake:
     """The arguments that files and memory share."""
 
-    def __init__(self, progress: Callable[[int, int], object] | None, cancelled: Callable[[], object] | None, embed: bool,
-                 given: dict[str, Any], read: object = None) -> None:
+    def __init__(self, progress: Callable[[int, int], object] | None, cancelled: Callable[[], object] | None,
+                 given: dict[str, Any], *, embed: bool = False, replace_copies: bool = False, read: object = None) -> None:
         self.call = _native.LongCall(progress, cancelled, read)
         self.options = _native.GltfBakeOptions()
         library = _native.library("vellum_gltf")
@@ -182,7 +182,8 @@ class _FileBake:
         names = GltfBakeOptions.__optional_keys__
         own = {name: given.pop(name) for name in names - QualityOptions.__optional_keys__ if name in given}
         set_options(self.call.options, names, given)
-        flags = ((own.get("blend"), _BLEND), (own.get("fallback_images"), _FALLBACK_IMAGES), (embed, _EMBED))
+        flags = ((own.get("blend"), _BLEND), (own.get("fallback_images"), _FALLBACK_IMAGES), (embed, _EMBED),
+                 (replace_copies, _REPLACE_COPIES))
         self.options.flags = sum(bit for wanted, bit in flags if wanted)
         if own.get("blend_cutoff") is not None:
             self.options.flags |= _BLEND | _BLEND_CUTOFF
@@ -233,7 +234,7 @@ def bake_gltf(file: ReadableBuffer, *, name: str = "input", progress: Callable[[
     Raises as bake() does, and Error with Result.ERROR_FILE if the file is invalid.
     """
     memory, parts = Memory(view_of("file", file)), []
-    bake = _FileBake(progress, cancelled, False, dict(options), memory)
+    bake = _FileBake(progress, cancelled, dict(options), read=memory)
     output = _native.OUTPUT(lambda user_data, start, size: parts.append(_native.copied(start, size)))
     bake.call.run(_native.library("vellum_gltf").vellumBakeGltfMemory, memory.address, memory.size, _native.text("name", name),
                   byref(bake.call.options), byref(bake.options), output, byref(bake.info))
@@ -243,19 +244,22 @@ def bake_gltf(file: ReadableBuffer, *, name: str = "input", progress: Callable[[
     return data, report
 
 
-def bake_gltf_file(input: Path, output: Path, *, embed: bool = False, progress: Callable[[int, int], object] | None = None,
-                   cancelled: Callable[[], object] | None = None, **options: Unpack[GltfBakeOptions]) -> GltfReport:
+def bake_gltf_file(input: Path, output: Path, *, embed: bool = False, replace_copies: bool = False,
+                   progress: Callable[[int, int], object] | None = None, cancelled: Callable[[], object] | None = None,
+                   **options: Unpack[GltfBakeOptions]) -> GltfReport:
     """Bakes the alpha-tested primitives of a glTF file and writes the file with their micromaps, whole or not at all.
 
     input, output: paths of two different files, both .glb or both .gltf. Micromaps of tree.gltf are written to
         tree.omm-<digest>.bin beside the output; files that a .gltf refers to are copied if that is in another folder. An
         existing output is replaced.
     embed: micromaps of a .gltf are written into it, in a data URI.
+    replace_copies: copied files replace different ones of the same names, which other models in that folder may name; without
+        it, these are an error.
     progress, cancelled, options: as for bake_gltf().
 
     Raises as bake_gltf() does; Result.ERROR_FILE also if a file cannot be written.
     """
-    bake = _FileBake(progress, cancelled, embed, dict(options))
+    bake = _FileBake(progress, cancelled, dict(options), embed=embed, replace_copies=replace_copies)
     bake.call.run(_native.library("vellum_gltf").vellumBakeGltf, _native.path("input", input), _native.path("output", output),
                   byref(bake.call.options), byref(bake.options), byref(bake.info))
     return bake.report()
