@@ -249,7 +249,7 @@ const char *actionOf(const SpirvOptions &options)
 bool replacesModule(const SpirvOptions &options)
 {
     std::error_code error;
-    if (isStandardStream(*options.output) || !std::filesystem::exists(*options.output, error) ||
+    if (isStandardStream(*options.output) || !std::filesystem::is_regular_file(*options.output, error) ||
         std::filesystem::equivalent(options.inputs.front(), *options.output, error))
         return false;
     try {

@@ -5,6 +5,9 @@
 #include <map>
 #include <regex>
 #include <sstream>
+#ifndef _WIN32
+#include <sys/stat.h>
+#endif
 
 #include "command.h"
 #include "glb_file.h"
@@ -241,6 +244,31 @@ TEST(CommandLine, BinaryOutputsDoNotGoToATerminal)
     const Outcome forced = runVellumInTerminal({"bake", (folder / "card.glb").string(), "-", "--force"});
     EXPECT_EQ(forced.exitCode, 0) << forced.errors;
     EXPECT_TRUE(forced.output.starts_with("glTF")) << forced.output.size();
+}
+#endif
+
+#ifndef _WIN32
+// Opening a pipe would wait for whoever opens its other end.
+TEST(CommandLine, OutputsThatAreNotFilesAreNotOpened)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "card.glb", cardGlb());
+    const std::string card = (folder / "card.glb").string();
+    for (const std::vector<std::string> &arguments : {std::vector<std::string>{"inspect", card, "-o", "x.html"},
+                                                      {"inspect", card, "--picture", "x.svg"},
+                                                      {"render", card, "-o", "x.png"},
+                                                      {"sweep", card, "-o", "x.html"},
+                                                      {"spirv", "--disable", card, "-o", "x.spv"}}) {
+        std::vector<std::string> words = arguments;
+        words.back() = (folder / words.back()).string();
+        if (!std::filesystem::exists(words.back())) {
+            ASSERT_EQ(mkfifo(words.back().c_str(), 0600), 0);
+        }
+        const Outcome outcome = runVellum(words);
+        EXPECT_EQ(outcome.exitCode, 1) << outcome.errors;
+        EXPECT_EQ(outcome.errors,
+                  "vellum: " + words.back() + " cannot be written: it is there already and is not a file\n");
+    }
 }
 #endif
 

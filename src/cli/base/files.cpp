@@ -152,6 +152,8 @@ void checkFolderOf(const std::filesystem::path &path)
     std::error_code error;
     if (std::filesystem::is_directory(path, error))
         throw Error(utf8Text(path) + " cannot be written: it is a directory");
+    if (std::filesystem::exists(path, error) && !std::filesystem::is_regular_file(path, error))
+        throw Error(utf8Text(path) + " cannot be written: it is there already and is not a file");
     const std::filesystem::path folder = path.parent_path().empty() ? "." : path.parent_path();
     if (!std::filesystem::is_directory(folder, error))
         throw Error(utf8Text(path) + " cannot be written: " + utf8Text(folder) + " is not a directory");
