@@ -25,8 +25,8 @@ int main(int argc, char **argv)
         code = vellum::cli::ExitCode::Usage;
     } catch (const std::logic_error &error) { // such as "stoul", which means nothing to users
         std::fprintf(stderr, "vellum: internal error (%s); please report it\n", error.what());
-    } catch (const std::exception &error) {
-        std::fprintf(stderr, "vellum: %s\n", error.what());
+    } catch (const std::exception &error) { // fmt::print() throws where stdout fails
+        std::fprintf(stderr, "vellum: %s\n", std::ferror(stdout) != 0 ? "stdout cannot be written" : error.what());
     }
     return static_cast<int>(code);
 }

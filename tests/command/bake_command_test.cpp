@@ -5,6 +5,7 @@
 #include <cstring>
 #include <gtest/gtest.h>
 #include <map>
+#include <sys/stat.h>
 
 #include "command.h"
 #include "glb_file.h"
@@ -437,12 +438,27 @@ TEST(BakeCommand, SaysThatStdoutCannotBeWritten)
     const TemporaryFolder folder;
     writeFile(folder / "tree.glb", cardGlb());
     const std::string tree = (folder / "tree.glb").string();
+    std::vector<std::string> many(100, tree); // more than a buffer
+    many.front() = "verify";
     const std::vector<std::vector<std::string>> cases = {
-        {"bake", tree}, {"bake", tree, "--json"}, {"verify", tree}, {"bake", "--help"}, {"--version"}};
+        {"bake", tree}, {"bake", tree, "--json"}, {"verify", tree}, {"bake", "--help"}, {"--version"}, many};
     for (const std::vector<std::string> &arguments : cases) {
         const Outcome outcome = runVellumToFullDevice(arguments);
         EXPECT_EQ(outcome.exitCode, 1) << arguments.back();
         EXPECT_EQ(outcome.errors, "vellum: stdout cannot be written\n") << arguments.back();
+    }
+}
+
+TEST(BakeCommand, OutputsThatAreNotFilesCannotBeReplaced)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "tree.glb", cardGlb());
+    const std::string output = (folder / "pipe.glb").string();
+    ASSERT_EQ(mkfifo(output.c_str(), 0600), 0);
+    for (const char *force : {"--threads=1", "--force"}) {
+        const Outcome outcome = runVellum({"bake", (folder / "tree.glb").string(), "-o", output, force});
+        EXPECT_EQ(outcome.exitCode, 1);
+        EXPECT_NE(outcome.errors.find("it is there already and is not a file\n"), std::string::npos) << outcome.errors;
     }
 }
 

@@ -5,9 +5,7 @@
 #include <map>
 #include <regex>
 #include <sstream>
-#ifndef _WIN32
 #include <sys/stat.h>
-#endif
 
 #include "command.h"
 #include "glb_file.h"

@@ -59,12 +59,14 @@ void checkOperands(const fs::path &input, const fs::path &output)
 }
 
 // Returns whether there is nothing at the output, or a file of which nothing is lost: an earlier bake wrote it, or it
-// is a copy of the input.
+// is a copy of the input. Throws GltfError for what is not a file.
 bool isReplaceable(const BakeJob &job)
 {
     std::error_code error;
     if (isStandardStream(job.output) || !fs::exists(job.output, error))
         return true;
+    if (!fs::is_regular_file(job.output, error))
+        throw GltfError(utf8Text(job.output) + " cannot be written: it is there already and is not a file");
     try {
         if (isBakeOutput(job.output))
             return true;
