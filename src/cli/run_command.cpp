@@ -202,7 +202,7 @@ int run(const RunOptions &options, const std::vector<std::string> &commandLine)
     for (const auto &file : {options.junit, options.json})
         if (file && isStandardStream(*file))
             throw UsageError("--junit and --json need files: stdout is the program's");
-    if (options.junit && options.junit == options.json)
+    if (options.junit && options.json && locationOf(*options.junit) == locationOf(*options.json))
         throw UsageError("--junit and --json name the same file");
     report.failOn = options.failOn;
     report.requireChecks = options.requireChecks;

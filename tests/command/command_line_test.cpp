@@ -246,6 +246,16 @@ TEST(CommandLine, BinaryOutputsDoNotGoToATerminal)
 #endif
 
 #ifndef _WIN32
+TEST(CommandLine, WhatTurnsTheLayerOnHoldsInEveryFolder)
+{
+    const TemporaryFolder folder;
+    std::filesystem::create_directory(folder / "lib");
+    const Outcome info =
+        runVellumInScript("cd " + folder.path().string() + " && \"$@\"", {"info", "--layer-path", "lib"});
+    const std::string path = (std::filesystem::canonical(folder.path()) / "lib").string();
+    EXPECT_TRUE(has(info.output, "LAYER_PATH=" + path + "\n")) << info.output;
+}
+
 // Opening a pipe would wait for whoever opens its other end.
 TEST(CommandLine, OutputsThatAreNotFilesAreNotOpened)
 {

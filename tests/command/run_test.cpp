@@ -215,6 +215,8 @@ TEST(Run, ResultsForJunit)
     EXPECT_EQ(noFolder.exitCode, 1) << noFolder.errors;
     expectLine(noFolder, "vellum: ");
     EXPECT_EQ(runScript({"--junit", (folder / "run.json").string()}, "true").exitCode, 2);
+    EXPECT_EQ(runScript({"--junit", (folder / "run").string(), "--json", (folder / "./run").string()}, "true").exitCode,
+              2);
 }
 
 // Not that of an earlier run.

@@ -181,7 +181,9 @@ LoaderReport reportLoader(const std::optional<std::filesystem::path> &wish)
     vkEnumerateInstanceVersion(&version);
     report.loaderVersion = fmt::format("{}.{}.{}", VK_API_VERSION_MAJOR(version), VK_API_VERSION_MINOR(version),
                                        VK_API_VERSION_PATCH(version));
-    const std::filesystem::path folder = wish ? *wish : gpu::findLayerFolder().value_or(std::filesystem::path());
+    std::error_code error; // a name that is printed for other programs is not relative
+    const std::filesystem::path folder =
+        wish ? std::filesystem::absolute(*wish, error) : gpu::findLayerFolder().value_or(std::filesystem::path());
     report.drivers = findDriverManifests();
     report.layers = findLayerManifests(folder);
     report.layerFound = loaderFindsLayer();
