@@ -3,6 +3,7 @@
 
 #include <array>
 #include <charconv>
+#include <clocale>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -52,16 +53,19 @@ std::string shortest(Real number)
         if (last != '9' && (++last, realOf<Real>(text.data()) == number))
             break;
     }
-    // -1.25e-07: a sign, digits, an exponent of two digits or more, as std::to_chars writes it.
-    const std::string_view scientific = text.data();
-    const size_t e = scientific.find('e');
+    // -1.25e-07: a sign, digits, an exponent of two digits or more, as std::to_chars writes it. The point is that of
+    // the program's locale.
+    const std::string_view printed = text.data();
+    const size_t e = printed.find('e');
     std::string digits;
-    for (const char c : scientific.substr(0, e))
+    for (const char c : printed.substr(0, e))
         if (c >= '0' && c <= '9')
             digits += c;
     const std::string sign = number < 0 ? "-" : "";
     const std::string fixed = sign + fixedText(digits, std::atoi(text.data() + e + 1), static_cast<double>(number));
-    return fixed.size() <= scientific.size() ? fixed : std::string(scientific);
+    const std::string scientific =
+        sign + digits.substr(0, 1) + (digits.size() > 1 ? "." + digits.substr(1) : "") + std::string(printed.substr(e));
+    return fixed.size() <= scientific.size() ? fixed : scientific;
 }
 
 template <typename Real>
@@ -93,7 +97,9 @@ std::optional<double> plain::parseReal(std::string_view text)
     // strtod() also takes space, a plus, hexadecimal numbers and words.
     if (text.empty() || text.find_first_not_of("0123456789+-.eE") != std::string_view::npos || text[0] == '+')
         return std::nullopt;
-    const std::string terminated(text);
+    std::string terminated(text);
+    if (const size_t point = text.find('.'); point != std::string_view::npos) // strtod() goes by the program's locale
+        terminated.replace(point, 1, std::localeconv()->decimal_point);
     char *end = nullptr;
     const double value = std::strtod(terminated.c_str(), &end);
     if (end != terminated.c_str() + terminated.size() || std::isinf(value))

@@ -2,12 +2,15 @@
 // The functions for libraries without std::to_chars of floating point give what that gives.
 #include <gtest/gtest.h>
 
+#include <clocale>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <random>
 
 #include "base/real_text.h"
 #include "core/bit_cast.h"
+#include "glb_file.h"
 
 using namespace vellum;
 
@@ -60,5 +63,28 @@ TEST(RealText, ReadsWhatTheLibraryReads)
         }
     }
 }
+
+#ifndef _WIN32
+// As in a program that has called setlocale().
+TEST(RealText, TheLocaleOfTheProgramDoesNotMatter)
+{
+    const test::TemporaryFolder folder;
+    const std::string made = "localedef -i de_DE -f UTF-8 " + (folder / "de_DE.UTF-8").string() + " > /dev/null 2>&1";
+    if (std::setlocale(LC_NUMERIC, "de_DE.UTF-8") == nullptr && std::system(made.c_str()) == 0)
+        setenv("LOCPATH", folder.path().c_str(), 1);
+    if (std::setlocale(LC_NUMERIC, "de_DE.UTF-8") == nullptr)
+        GTEST_SKIP() << "there is no locale with a decimal comma";
+    EXPECT_STREQ(std::localeconv()->decimal_point, ",");
+    for (const double number : {0.5, 1.25e-7, -1.25e30, 3e-320, 5e-324})
+        expectSame(number);
+    for (const char *text : {"0.5", "-1.5e2", "1.5e-400"}) {
+        EXPECT_EQ(parseReal(text), std::optional(std::string_view(text) == "0.5" ? 0.5 : *text == '-' ? -150.0 : 0.0));
+        EXPECT_EQ(plain::parseReal(text), parseReal(text)) << text;
+    }
+    EXPECT_EQ(plain::parseReal("0,5"), std::nullopt);
+    std::setlocale(LC_NUMERIC, "C");
+    unsetenv("LOCPATH");
+}
+#endif
 
 } // namespace
