@@ -68,6 +68,18 @@ TEST(ImplementationSetting, DriversWithoutMicromaps)
     EXPECT_EQ(offerOf("driver", ""), (Offer{false, false, "not available on this device"}));
 }
 
+// The loader adds the extensions of an implicit layer to the list of the driver.
+TEST(ImplementationSetting, ImplicitLayer)
+{
+    for (const char *setting : {"auto", "ext", "emulated"})
+        EXPECT_EQ(offerOf(setting, "implicit"), (Offer{true, true, "emulated"})) << setting;
+    EXPECT_EQ(offerOf("driver", "implicit"), (Offer{false, false, "not available on this device"}));
+    Gpu gpu(Options{.validation = false, .quirks = "implicit"});
+    StateScene scene(gpu);
+    gpu.submit([&](VkCommandBuffer commands) { scene.record(commands); });
+    scene.expectRight();
+}
+
 TEST(ImplementationSetting, DriversWithExt)
 {
     for (const char *setting : {"auto", "ext"})
