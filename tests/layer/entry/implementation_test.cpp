@@ -97,6 +97,22 @@ TEST(ImplementationSetting, DriversWithBoth)
     EXPECT_EQ(offerOf("emulated", "ext,khr"), (Offer{true, true, "emulated"}));
 }
 
+// The layer rejects the host commands of acceleration structures on a device on which it emulates an extension, though
+// the driver has the others.
+TEST(ImplementationSetting, HostCommandsWithOneEmulatedExtension)
+{
+    Gpu gpu(Options{.validation = false, .spy = false, .quirks = "ext,khr,capable", .micromaps = false});
+    auto structures = vkInit<VkPhysicalDeviceAccelerationStructureFeaturesKHR>();
+    auto features = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &structures});
+    vkGetPhysicalDeviceFeatures2(gpu.physical(), &features);
+    EXPECT_TRUE(structures.accelerationStructureHostCommands);
+    auto pipelines = vkInit<VkPhysicalDevicePipelineOpacityMicromapFeaturesARM>();
+    structures.pNext = &pipelines;
+    vkGetPhysicalDeviceFeatures2(gpu.physical(), &features);
+    EXPECT_TRUE(pipelines.pipelineOpacityMicromap);
+    EXPECT_FALSE(structures.accelerationStructureHostCommands);
+}
+
 // The driver builds KHR's micromaps by the commands of EXT, or never sees any.
 TEST(ImplementationSetting, TheChosenOneBuilds)
 {
