@@ -111,6 +111,18 @@ TEST_F(SettingsTest, StrictFromEachSource)
     EXPECT_FALSE(readSettings(nullptr).strict);
 }
 
+// VK_EXT_layer_settings has a value for each, a file commas.
+TEST_F(SettingsTest, SeveralValues)
+{
+    write("");
+    const char *const values[]{"core", "sync"};
+    const VkLayerSettingEXT setting{kLayerName, "validate", VK_LAYER_SETTING_TYPE_STRING_EXT, 2, values};
+    const VkLayerSettingsCreateInfoEXT chain{VK_STRUCTURE_TYPE_LAYER_SETTINGS_CREATE_INFO_EXT, nullptr, 1, &setting};
+    EXPECT_EQ(printed(&chain), "");
+    const Checks expected{.core = true, .sync = true};
+    EXPECT_EQ(settings_.validate, expected);
+}
+
 TEST_F(SettingsTest, VariablesWithVkBefore)
 {
     write("");

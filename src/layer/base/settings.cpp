@@ -8,6 +8,7 @@
 #include <cstring>
 #include <fstream>
 #include <optional>
+#include <span>
 #include <sstream>
 #include <variant>
 #include <vector>
@@ -60,6 +61,15 @@ std::string trimmed(const std::string &text)
     if (first == std::string::npos)
         return {};
     return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
+}
+
+// Several values of a setting, as files have them.
+std::string joined(std::span<const char *const> values)
+{
+    std::string all;
+    for (const char *value : values)
+        all += (all.empty() ? "" : ",") + std::string(value);
+    return all;
 }
 
 template <typename Value, size_t count>
@@ -240,7 +250,7 @@ private:
                     continue;
                 const bool isText = std::holds_alternative<std::string Settings::*>(row->member);
                 if (setting.type == VK_LAYER_SETTING_TYPE_STRING_EXT)
-                    given.value = *static_cast<const char *const *>(setting.pValues);
+                    given.value = joined({static_cast<const char *const *>(setting.pValues), setting.valueCount});
                 else if (setting.type == VK_LAYER_SETTING_TYPE_BOOL32_EXT && !isText)
                     given.value = *static_cast<const VkBool32 *>(setting.pValues) ? "true" : "false";
                 else if (setting.type == VK_LAYER_SETTING_TYPE_UINT32_EXT &&

@@ -208,18 +208,19 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, V
         own->deviceAddressCommands = VK_TRUE;
     if (auto *own = pipelines.get<VkPhysicalDevicePipelineOpacityMicromapFeaturesARM>())
         own->pipelineOpacityMicromap = VK_TRUE;
+    const auto isNamed = [](const Unlinked &structure) { return structure.get<void>() != nullptr; };
+    const EnabledFeatures named{.ext = isNamed(ext),
+                                .khr = isNamed(khr),
+                                .addressCommands = isNamed(addresses),
+                                .pipelineMicromaps = isNamed(pipelines)};
     // Emulation needs the GPU for builds and copies of acceleration structures: their host commands are always
     // rejected.
     auto *structures = findStructure<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
         features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR);
-    if (structures && have.ext == Implementation::Emulation)
+    const bool emulates = have.ext == Implementation::Emulation || named.any();
+    if (structures && emulates && have.khr != Implementation::Translation)
         structures->accelerationStructureHostCommands = VK_FALSE;
-    const auto isNamed = [](const Unlinked &structure) { return structure.get<void>() != nullptr; };
-    clearConflictingFeatures(*features, have,
-                             {.ext = isNamed(ext),
-                              .khr = isNamed(khr),
-                              .addressCommands = isNamed(addresses),
-                              .pipelineMicromaps = isNamed(pipelines)});
+    clearConflictingFeatures(*features, have, named);
 }
 
 // Lowers limits to those that settings simulate: the layer's in `own`, or the driver's in the chain of `properties`.

@@ -34,6 +34,38 @@ VkResult listExtensions(const Instance &instance, VkPhysicalDevice handle, std::
     return result;
 }
 
+// The loader adds the extensions in the manifests of implicit layers to the driver's list
+// (terminator_EnumerateDeviceExtensionProperties), and so the layer's own where it is one. Every driver that has such an
+// extension supports its first feature.
+void eraseOwn(const Instance &instance, VkPhysicalDevice handle, std::vector<VkExtensionProperties> &list)
+{
+    if (!instance.next.GetPhysicalDeviceFeatures2)
+        return;
+    struct Features { // large enough for each of the structures
+        VkStructureType type;
+        void *next;
+        VkBool32 first;
+        VkBool32 others[3];
+    };
+    std::array<Features, std::size(kProvidedExtensions)> all{};
+    VkPhysicalDeviceFeatures2 query{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, nullptr, {}};
+    for (size_t i = 0; i < all.size(); ++i) {
+        if (!contains(list, kProvidedExtensions[i].name))
+            continue;
+        all[i] = {kProvidedExtensions[i].features, query.pNext, VK_FALSE, {}};
+        query.pNext = &all[i];
+    }
+    if (!query.pNext)
+        return;
+    instance.next.GetPhysicalDeviceFeatures2(handle, &query);
+    for (size_t i = 0; i < all.size(); ++i) {
+        if (!all[i].first)
+            std::erase_if(list, [name = kProvidedExtensions[i].name](const auto &e) {
+                return std::strcmp(e.extensionName, name) == 0;
+            });
+    }
+}
+
 bool isVulkan13(const Instance &instance, VkPhysicalDevice handle)
 {
     VkPhysicalDeviceProperties properties{};
@@ -57,7 +89,6 @@ struct DriverFeatures {
     bool structures = false;
     bool addresses = false;
     bool replaysAddresses = false;
-    bool extMicromaps = false;
 
     [[nodiscard]] bool canEmulate() const { return structures && addresses; }
 };
@@ -67,18 +98,14 @@ DriverFeatures featuresOf(const Instance &instance, VkPhysicalDevice handle,
 {
     if (!canAskForFeatures(instance, handle, extensions))
         return {};
-    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromaps{
-        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT};
     VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR};
-    if (contains(extensions, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
-        structures.pNext = &micromaps;
     VkPhysicalDeviceBufferDeviceAddressFeatures addresses{
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES, &structures};
     VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &addresses, {}};
     instance.next.GetPhysicalDeviceFeatures2(handle, &features);
     return {structures.accelerationStructure != VK_FALSE, addresses.bufferDeviceAddress != VK_FALSE,
-            addresses.bufferDeviceAddressCaptureReplay != VK_FALSE, micromaps.micromap != VK_FALSE};
+            addresses.bufferDeviceAddressCaptureReplay != VK_FALSE};
 }
 
 Implementations implementationsBy(const DriverFeatures &features, const std::vector<VkExtensionProperties> &extensions,
@@ -92,8 +119,7 @@ Implementations implementationsBy(const DriverFeatures &features, const std::vec
         result.*own.implementation = passes ? Implementation::PassThrough : otherwise;
     }
     const bool prefersExt = provides && preferred == Preferred::Ext;
-    if (result.ext == Implementation::PassThrough && features.extMicromaps &&
-        (result.khr == Implementation::Emulation || prefersExt)) {
+    if (result.ext == Implementation::PassThrough && (result.khr == Implementation::Emulation || prefersExt)) {
         result.khr = Implementation::Translation;
         // Nothing in the driver's micromaps corresponds to VK_ARM_pipeline_opacity_micromap.
         if (result.pipelines == Implementation::Emulation)
@@ -198,6 +224,7 @@ std::shared_ptr<const PhysicalDevice> describe(Instance &instance, VkPhysicalDev
         device->extensions.clear();
         return device; // not kept: the driver may have been out of memory
     }
+    eraseOwn(instance, handle, device->extensions);
     const DriverFeatures features = featuresOf(instance, handle, device->extensions);
     device->have = implementationsBy(features, device->extensions, instance.settings.implementation);
     if (features.canEmulate()) {

@@ -47,13 +47,18 @@ struct ProvidedExtension {
     const char *name;
     uint32_t version;
     Implementation Implementations::*implementation;
+    // The structure of its features. The first one is supported by every driver with the extension.
+    VkStructureType features;
 };
 inline constexpr ProvidedExtension kProvidedExtensions[] = {
-    {VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, VK_EXT_OPACITY_MICROMAP_SPEC_VERSION, &Implementations::ext},
-    {VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_OPACITY_MICROMAP_SPEC_VERSION, &Implementations::khr},
+    {VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, VK_EXT_OPACITY_MICROMAP_SPEC_VERSION, &Implementations::ext,
+     VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT},
+    {VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_OPACITY_MICROMAP_SPEC_VERSION, &Implementations::khr,
+     VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR},
     {VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME, VK_KHR_DEVICE_ADDRESS_COMMANDS_SPEC_VERSION,
-     &Implementations::addressCommands},
-    {VK_ARM_PIPELINE_OPACITY_MICROMAP_EXTENSION_NAME, 1, &Implementations::pipelines},
+     &Implementations::addressCommands, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR},
+    {VK_ARM_PIPELINE_OPACITY_MICROMAP_EXTENSION_NAME, 1, &Implementations::pipelines,
+     VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PIPELINE_OPACITY_MICROMAP_FEATURES_ARM},
 };
 
 struct PhysicalDevice {

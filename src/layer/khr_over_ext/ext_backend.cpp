@@ -22,7 +22,7 @@ MicromapSupport ExtBackend::support() const
 
 bool ExtBackend::placesMicromap(VkBuffer buffer, VkDeviceSize offset, VkDeviceAddress) const
 {
-    // VUID-VkMicromapCreateInfoEXT-buffer-07496
+    // VUID-VkMicromapCreateInfoEXT-buffer-07435
     const bool hasUsage = (device_.buffers.infos.get(buffer).usage & VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT) != 0;
     return device_.driver.next.CreateMicromapEXT && hasUsage && allowsMicromapAt(device_, buffer, offset);
 }

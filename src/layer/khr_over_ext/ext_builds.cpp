@@ -115,6 +115,7 @@ public:
         VkDeviceSize stride;
         uint32_t count;
         Attachment *attachment;
+        const void **chain; // of the geometry, which begins with the attachment
     };
     [[nodiscard]] const std::vector<Narrow> &narrow() const { return narrow_; }
     [[nodiscard]] StructureBuild &build() const { return build_; }
@@ -137,7 +138,8 @@ private:
         if (given.indexType == VK_INDEX_TYPE_UINT8_EXT) {
             ext.indexType = VK_INDEX_TYPE_UINT32;
             ext.indexStride = sizeof(uint32_t);
-            narrow_.push_back({given.indexBuffer.deviceAddress, given.indexStride, primitives, &ext});
+            narrow_.push_back({given.indexBuffer.deviceAddress, given.indexStride, primitives, &ext,
+                               &build_.geometries[g].geometry.triangles.pNext});
         }
         std::vector<VkMicromapUsageEXT> &usages = usages_.emplace_back();
         // A query of sizes does not check its input, so the structure is looked up here.
@@ -183,13 +185,13 @@ void widen(DeviceKhrOverExt &device, VkCommandBuffer commandBuffer, const char *
         narrow.attachment->indexBuffer.deviceAddress = wide;
         return;
     }
-    // The build then reads no indices.
+    // The geometry has no micromap then: with another type of indices, the build would read beyond them or the
+    // micromap.
     device.driver.report().error("VELLUM-out-of-memory",
                                  std::string(command) + (narrow.indices
                                                              ? ": no memory for the indices of micromaps"
                                                              : ": the indices of a micromap are at a null address"));
-    narrow.attachment->indexType = VK_INDEX_TYPE_NONE_KHR;
-    narrow.attachment->indexBuffer.deviceAddress = 0;
+    *narrow.chain = narrow.attachment->pNext;
 }
 
 // Widens all narrow indices of the builds, with one barrier before and one after.

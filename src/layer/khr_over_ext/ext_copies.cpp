@@ -17,7 +17,7 @@ namespace
 constexpr VkAccelerationStructureTypeKHR kMicromap = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
 constexpr VkAccelerationStructureTypeKHR kGeneric = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
 
-// VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07542 and VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07547; KHR requires 128.
+// VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537 and VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544; KHR requires 128.
 bool checkAlignment(const DeviceKhrOverExt &device, VkDeviceAddress data, const char *what)
 {
     if (data % 256 == 0)

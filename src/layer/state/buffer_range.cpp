@@ -39,7 +39,9 @@ VkResult createInRange(const Driver &driver, const VkAccelerationStructureCreate
     driverInfo.buffer = range.buffer;
     driverInfo.offset = range.offset;
     driverInfo.size = range.size;
-    driverInfo.type = info.type;
+    // The structure has to have the address of the range. Only those of type GENERIC have that of their memory
+    // (vkGetAccelerationStructureDeviceAddressKHR).
+    driverInfo.type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     return driver.next.CreateAccelerationStructureKHR(driver.handle, &driverInfo, allocator, &result);
 }
 

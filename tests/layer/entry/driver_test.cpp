@@ -307,7 +307,7 @@ TEST(Driver, NoDisplacementWithEmulation)
     EXPECT_EQ(reported, std::vector<std::string>{"VELLUM-conflicting-extension"});
 }
 
-// The driver has both, but lacks an extension that is needed to translate, so micromaps are emulated.
+// The driver lists both and supports the features of neither, so micromaps are emulated.
 TEST(Driver, NoDisplacementWithPartialSupport)
 {
     auto gpu = std::make_unique<Gpu>(Options{.validation = false, .quirks = "displacement", .api = Api::Khr});

@@ -68,6 +68,18 @@ TEST(ImplementationSetting, DriversWithoutMicromaps)
     EXPECT_EQ(offerOf("driver", ""), (Offer{false, false, "not available on this device"}));
 }
 
+// The loader adds the extensions of an implicit layer to the list of the driver.
+TEST(ImplementationSetting, ImplicitLayer)
+{
+    for (const char *setting : {"auto", "ext", "emulated"})
+        EXPECT_EQ(offerOf(setting, "implicit"), (Offer{true, true, "emulated"})) << setting;
+    EXPECT_EQ(offerOf("driver", "implicit"), (Offer{false, false, "not available on this device"}));
+    Gpu gpu(Options{.validation = false, .quirks = "implicit"});
+    StateScene scene(gpu);
+    gpu.submit([&](VkCommandBuffer commands) { scene.record(commands); });
+    scene.expectRight();
+}
+
 TEST(ImplementationSetting, DriversWithExt)
 {
     for (const char *setting : {"auto", "ext"})
@@ -83,6 +95,22 @@ TEST(ImplementationSetting, DriversWithBoth)
     EXPECT_EQ(offerOf("driver", "ext,khr"), (Offer{true, true, "passthrough"}));
     EXPECT_EQ(offerOf("ext", "ext,khr"), (Offer{true, true, "translated"}));
     EXPECT_EQ(offerOf("emulated", "ext,khr"), (Offer{true, true, "emulated"}));
+}
+
+// The layer rejects the host commands of acceleration structures on a device on which it emulates an extension, though
+// the driver has the others.
+TEST(ImplementationSetting, HostCommandsWithOneEmulatedExtension)
+{
+    Gpu gpu(Options{.validation = false, .spy = false, .quirks = "ext,khr,capable", .micromaps = false});
+    auto structures = vkInit<VkPhysicalDeviceAccelerationStructureFeaturesKHR>();
+    auto features = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &structures});
+    vkGetPhysicalDeviceFeatures2(gpu.physical(), &features);
+    EXPECT_TRUE(structures.accelerationStructureHostCommands);
+    auto pipelines = vkInit<VkPhysicalDevicePipelineOpacityMicromapFeaturesARM>();
+    structures.pNext = &pipelines;
+    vkGetPhysicalDeviceFeatures2(gpu.physical(), &features);
+    EXPECT_TRUE(pipelines.pipelineOpacityMicromap);
+    EXPECT_FALSE(structures.accelerationStructureHostCommands);
 }
 
 // The driver builds KHR's micromaps by the commands of EXT, or never sees any.

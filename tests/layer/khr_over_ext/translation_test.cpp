@@ -339,6 +339,33 @@ TEST_F(TranslationUsages, MeasuredBeforeTheMicromap)
     }
 }
 
+// Without the shader that widens indices of eight bits, the geometry has no micromap: by the numbers of its triangles,
+// the build would read beyond the micromap's.
+TEST_F(TranslationUsages, IndicesThatCannotBeWidened)
+{
+    const auto failAt = testDriverFunction<uint64_t (*)(uint64_t)>("vellumDriverFailAt");
+    const auto failed = testDriverFunction<const char *(*)()>("vellumDriverFailed");
+    std::string command;
+    for (uint64_t n = 1; command != "vkCreateShaderModule"; ++n) {
+        Gpu fresh({.validation = false, .quirks = "ext,failures", .api = Api::Khr});
+        Micromap micromap(fresh, eightStates());
+        micromap.build();
+        Geometry geometry{.vertices = triangleRow(16)};
+        geometry.micromap = Attachment{&micromap, VK_INDEX_TYPE_UINT8_EXT, std::vector<int32_t>(16, 3)};
+        Blas blas(fresh);
+        blas.prepare({geometry});
+        VkCommandBuffer commands = fresh.begin();
+        const RangeInfo *ranges = blas.ranges();
+        failAt(n);
+        fresh.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &blas.buildInfo(), &ranges);
+        ASSERT_GE(failAt(0), n);
+        command = failed();
+        EXPECT_EQ(usages(true).empty(), command == "vkCreateShaderModule") << command;
+        vkFreeCommandBuffers(fresh.device(), fresh.pool(), 1, &commands);
+        fresh.takeMessages();
+    }
+}
+
 // The same levels and formats, for more triangles; and others between those builds.
 TEST_F(TranslationUsages, MicromapsThatAreBuiltAgain)
 {

@@ -12,6 +12,9 @@ std::span<const Quirk> allQuirks()
     static constexpr Quirk quirks[]{
         {"spy", Level::Spy, "a driver without micromaps, which reports every flag, structure and name of theirs"},
         {"displacement", Level::Spy, "a driver with micromaps and VK_NV_displacement_micromap, which it only says"},
+        {"implicit", Level::Spy,
+         "the loader lists the extensions of Vellum's layer among the driver's, as for the manifest of an implicit "
+         "layer"},
         {"hostmemory", Level::Spy, "a memory type more, of which there is memory left when there is no other"},
         {"ext", Level::Ext,
          "VK_EXT_opacity_micromap, of a second copy of Vellum's layer below, and neither VK_KHR_opacity_micromap nor "

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The quirk "spy": devices, and all of its commands together. With the quirk "displacement" the driver says that it has
-// micromaps, and displacement micromaps.
+// micromaps, and displacement micromaps; with the quirk "implicit" the loader lists what Vellum's layer provides.
 // It also checks that stack sizes which the application sets have space for all shaders of the driver's pipeline. Where
 // VELLUM_TEST_SPY_MARKER is in the environment, it is a driver with VK_AMD_buffer_marker; where
 // VELLUM_TEST_SPY_BARRIERS is, it reports every memory and buffer barrier.
@@ -23,6 +23,10 @@ namespace
 
 constexpr const char *kDisplacement = "VK_NV_displacement_micromap";
 
+// What Vellum's layer provides.
+constexpr const char *kProvided[]{VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME,
+                                  VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME, "VK_ARM_pipeline_opacity_micromap"};
+
 struct OneMember { // VkPhysicalDeviceDisplacementMicromapFeaturesNV and ...PropertiesNV
     VkStructureType sType;
     void *pNext;
@@ -39,18 +43,20 @@ void answer(void *key, void *chain, VkStructureType type, uint32_t value)
 VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, uint32_t *count,
                                                    VkExtensionProperties *properties)
 {
-    const auto next = SPY_NEXT(vkEnumerateDeviceExtensionProperties);
-    if (layer != nullptr || !driver::has(keyOf(handle), "displacement"))
-        return next(handle, layer, count, properties);
-    uint32_t below = 0;
-    next(handle, nullptr, &below, nullptr);
-    std::vector<VkExtensionProperties> all(below);
-    next(handle, nullptr, &below, all.data());
-    for (const char *name : {VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, kDisplacement}) {
-        std::strcpy(all.emplace_back().extensionName, name);
-        all.back().specVersion = 1;
-    }
-    return driver::list<VkExtensionProperties>(all, count, properties);
+    return listExtensions(driver::Level::Spy, handle, layer, count, properties, [handle](auto &all) {
+        const auto add = [&all](const char *name) {
+            std::strcpy(all.emplace_back().extensionName, name);
+            all.back().specVersion = 1;
+        };
+        if (driver::has(keyOf(handle), "displacement")) {
+            add(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+            add(kDisplacement);
+        }
+        if (driver::has(keyOf(handle), "implicit")) {
+            for (const char *name : kProvided)
+                add(name);
+        }
+    });
 }
 
 VKAPI_ATTR void VKAPI_CALL getFeatures(VkPhysicalDevice handle, VkPhysicalDeviceFeatures2 *features)
@@ -78,12 +84,12 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
         return std::any_of(names.begin(), names.end(),
                            [extension](const char *name) { return std::strcmp(name, extension) == 0; });
     };
-    for (const char *provided :
-         {VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME,
-          "VK_ARM_pipeline_opacity_micromap", VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME, kDisplacement}) {
+    for (const char *provided : kProvided) {
         if (isEnabled(provided) && !(ext && std::strcmp(provided, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0))
             report(std::string("vkCreateDevice: ") + provided);
     }
+    if (isEnabled(kDisplacement))
+        report(std::string("vkCreateDevice: ") + kDisplacement);
     const auto *features = inChain<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
         info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
     if (features != nullptr && !ext)

@@ -77,6 +77,25 @@ TEST_F(StructureAddresses, OneThatIsReused)
     }
 }
 
+// A structure of vkCreateAccelerationStructure2KHR has the address of its range, whatever its type.
+TEST(StructureAddressesKhr, OfARange)
+{
+    Gpu gpu({.quirks = "elsewhere", .api = Api::Khr});
+    const Buffer buffer(gpu, 65536, gpu.structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    for (const auto type :
+         {VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR,
+          VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR}) {
+        auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
+            {.addressRange = {buffer.address() + 256, 32768}, .addressFlags = kUnknownUsage, .type = type});
+        VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
+        VT_CHECK(gpu.vk().CreateAccelerationStructure2KHR(gpu.device(), &info, nullptr, &structure));
+        auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = structure});
+        EXPECT_EQ(gpu.vk().GetAccelerationStructureDeviceAddressKHR(gpu.device(), &query), info.addressRange.address)
+            << type;
+        gpu.vk().DestroyAccelerationStructureKHR(gpu.device(), structure, nullptr);
+    }
+}
+
 // Objects may be destroyed in any order: after the buffer, the driver is not called for structures in it.
 TEST_F(StructureAddresses, DestroyedBuffer)
 {
