@@ -12,4 +12,4 @@ target_compile_options(vellum_warnings INTERFACE
   $<$<AND:$<CXX_COMPILER_ID:GNU>,$<BOOL:${VELLUM_SANITIZE}>>:-Wno-maybe-uninitialized>
   # A batch includes .cpp files one after the other: a local name may hide one of another file's anonymous namespace, and a
   # class of one file may have members of such a type.
-  $<$<AND:$<CXX_COMPILER_ID:GNU>,$<BOOL:${CMAKE_UNITY_BUILD}>>:-Wno-shadow;-Wno-subobject-linkage>)
+  $<$<BOOL:${CMAKE_UNITY_BUILD}>:-Wno-shadow> $<$<AND:$<CXX_COMPILER_ID:GNU>,$<BOOL:${CMAKE_UNITY_BUILD}>>:-Wno-subobject-linkage>)

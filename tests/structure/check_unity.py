@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Finds names that are defined twice:
-- in the anonymous namespaces of two sources of one folder: the preset `user` compiles the sources of a folder as one
+- in the anonymous namespaces of two sources of one folder: users compile the sources of a folder as one
   (cmake/unity.cmake). Functions may be overloaded, aliases may mean the same.
 - types that two files define in one namespace: a program in which both are takes the functions of one for those of the other,
   without a word from the linker ([basic.def.odr]).
