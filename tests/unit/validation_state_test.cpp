@@ -231,8 +231,10 @@ TEST_F(ValidationState, PendingUsesAreReportedUnlessTheHostMayKnowMore)
     device.next.CmdResetQueryPool = [](VkCommandBuffer, VkQueryPool, uint32_t, uint32_t) {};
     const VkQueryPoolCreateInfo info{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO};
     device.next.QueueWaitIdle = [](VkQueue) { return VK_ERROR_DEVICE_LOST; };
-    enum class Known { Elsewhere, Lost, Pending };
-    for (const Known known : {Known::Elsewhere, Known::Lost, Known::Pending}) {
+    device.next.GetQueryPoolResults = [](VkDevice, VkQueryPool, uint32_t, uint32_t, size_t, void *, VkDeviceSize,
+                                         VkQueryResultFlags) { return VK_NOT_READY; };
+    enum class Known { Elsewhere, Lost, Availability, Pending };
+    for (const Known known : {Known::Elsewhere, Known::Lost, Known::Availability, Known::Pending}) {
         device.facts.waitsElsewhere = known == Known::Elsewhere;
         const VkCommandBuffer commands = allocate(makePool(), 1).front();
         VkQueryPool pool{};
@@ -245,6 +247,8 @@ TEST_F(ValidationState, PendingUsesAreReportedUnlessTheHostMayKnowMore)
         if (known == Known::Lost) {
             EXPECT_EQ(validation::queueWaitIdle(device, {}), VK_ERROR_DEVICE_LOST);
         }
+        const VkQueryResultFlags flags = known == Known::Availability ? VK_QUERY_RESULT_WITH_AVAILABILITY_BIT : 0;
+        EXPECT_EQ(validation::getQueryPoolResults(device, {}, pool, 0, 1, 0, nullptr, 0, flags), VK_NOT_READY);
         validation::destroyQueryPool(device, {}, pool, nullptr);
         EXPECT_EQ(reported["VELLUM-VUID-vkDestroyQueryPool-queryPool-00793"], known == Known::Pending ? 1 : 0);
     }
