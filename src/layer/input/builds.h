@@ -135,6 +135,8 @@ struct StructureBuild {
     bool accepted = true; // the layer's implementation records it
 
     [[nodiscard]] bool isUpdate() const { return given->mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR; }
+    // Instances have the layouts of VK_NV_ray_tracing_motion_blur.
+    [[nodiscard]] bool hasMotion() const { return (given->flags & VK_BUILD_ACCELERATION_STRUCTURE_MOTION_BIT_NV) != 0; }
     // The geometries determine the type of a GENERIC structure.
     [[nodiscard]] bool isTopLevel() const;
 };

@@ -163,7 +163,7 @@ void GpuBuildChecks::add(const input::StructureBuild &build)
         const input::Geometry &geometry = build.geometries[g];
         if (build.ranges.primitives(g) == 0)
             continue;
-        if (geometry.isInstances())
+        if (geometry.isInstances() && !build.hasMotion()) // the shader reads VkAccelerationStructureInstanceKHR only
             addInstances(build, g, geometry.given->geometry.instances);
         else if (geometry.attachment)
             addIndices(build, g, *geometry.attachment);

@@ -592,7 +592,7 @@ void captureContents(DeviceModel &device, VkCommandBuffer commandBuffer, const i
         return;
     for (uint32_t g = 0; g < contents.geometries.size(); ++g) {
         const input::Geometry &geometry = build.geometries[g];
-        if (geometry.isInstances())
+        if (geometry.isInstances() && !build.hasMotion()) // as in the check of instances
             contents.instances = captureInstances(device, commandBuffer, geometry.given->geometry.instances, ranges[g]);
         else if (geometry.attachment)
             contents.geometries[g].indices =
