@@ -633,6 +633,101 @@ TEST_F(ValidationState, BuildsWithNullArrays)
     validation::cmdBuildMicromaps(device, commands, 1, &micromap);
 }
 
+// Builds above an implementation whose sizes are known.
+class BuildRules : public ValidationState
+{
+protected:
+    static constexpr VkDeviceAddress kScratch = 0x100000;
+    static constexpr VkDeviceSize kScratchBytes = 0x10000;
+
+    BuildRules()
+    {
+        device.rules.validating = true;
+        device.rules.lacksBuffer = [this](VkDeviceAddress address) {
+            return !device.buffers.addresses.find(address).buffer;
+        };
+        device.driver.enabled.ext = device.driver.enabled.extFeature = true;
+        device.next.CmdBuildAccelerationStructuresKHR = [](VkCommandBuffer, uint32_t,
+                                                           const VkAccelerationStructureBuildGeometryInfoKHR *,
+                                                           const VkAccelerationStructureBuildRangeInfoKHR *const *) {};
+        device.next.GetAccelerationStructureBuildSizesKHR =
+            [](VkDevice, VkAccelerationStructureBuildTypeKHR, const VkAccelerationStructureBuildGeometryInfoKHR *,
+               const uint32_t *, VkAccelerationStructureBuildSizesInfoKHR *sizes) {
+                sizes->accelerationStructureSize = 256;
+                sizes->buildScratchSize = 256;
+                sizes->updateScratchSize = 0;
+            };
+        bind(addBuffer(kScratch, kScratchBytes), 1);
+        commands_ = allocate(makePool(), 1).front();
+        geometry.geometryType = VK_GEOMETRY_TYPE_AABBS_KHR;
+    }
+    void bind(VkBuffer buffer, uint64_t memory)
+    {
+        const auto known = device.objects.buffers.get(buffer);
+        known->address = known->handle.handle;
+        known->memory = handle<VkDeviceMemory>(memory);
+    }
+    // A build of a structure in memory of its own, with geometry without primitives.
+    VkAccelerationStructureBuildGeometryInfoKHR buildOf(uint64_t number)
+    {
+        auto structure = std::make_shared<ValidatedStructure>();
+        structure->handle = handle<VkAccelerationStructureKHR>(number);
+        structure->type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+        structure->size = 4096;
+        const VkBuffer buffer = addBuffer(number << 16, 4096);
+        bind(buffer, number);
+        structure->buffer = device.objects.buffers.get(buffer);
+        device.objects.structures.set(handle<VkAccelerationStructureKHR>(number), structure);
+        VkAccelerationStructureBuildGeometryInfoKHR info{
+            VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR};
+        info.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+        info.dstAccelerationStructure = handle<VkAccelerationStructureKHR>(number);
+        info.geometryCount = 1;
+        info.pGeometries = &geometry;
+        info.scratchData.deviceAddress = kScratch;
+        return info;
+    }
+    // The messages about builds by one command.
+    std::map<std::string, int> build(const std::vector<VkAccelerationStructureBuildGeometryInfoKHR> &infos,
+                                     bool hasRanges = true)
+    {
+        const VkAccelerationStructureBuildRangeInfoKHR range{};
+        const std::vector<const VkAccelerationStructureBuildRangeInfoKHR *> ranges(infos.size(),
+                                                                                   hasRanges ? &range : nullptr);
+        reported.clear();
+        validation::cmdBuildAccelerationStructures(device, commands_, static_cast<uint32_t>(infos.size()), infos.data(),
+                                                   ranges.data());
+        return reported;
+    }
+
+    VkAccelerationStructureGeometryKHR geometry{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR};
+
+private:
+    VkCommandBuffer commands_;
+};
+
+// Scratch memory that is not needed may have any address.
+TEST_F(BuildRules, ScratchMemory)
+{
+    using Messages = std::map<std::string, int>;
+    const Messages none, ofBuild{{"VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261", 1}};
+    auto info = buildOf(0x20);
+    EXPECT_EQ(build({info}), none);
+    for (const VkDeviceAddress invalid : {VkDeviceAddress{0}, VkDeviceAddress{0x7654'0000'0000}}) {
+        info.scratchData.deviceAddress = invalid;
+        info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR;
+        EXPECT_EQ(build({info}), ofBuild) << invalid;
+        info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
+        info.srcAccelerationStructure = info.dstAccelerationStructure;
+        EXPECT_EQ(build({info}), none) << invalid;
+    }
+    constexpr VkDeviceAddress kInput = 0x900000;
+    device.buffers.addresses.add(kInput, handle<VkBuffer>(kInput), 4096, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    info.scratchData.deviceAddress = kInput;
+    info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR;
+    EXPECT_EQ(build({info}), ofBuild) << "its buffer is not for storage";
+}
+
 // Regions of an image whose rows are in memory.
 class ImageRows : public ValidationState
 {

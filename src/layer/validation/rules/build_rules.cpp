@@ -71,17 +71,6 @@ VkDeviceSize scratchOf(const input::StructureBuild &build, const VkAccelerationS
     return build.isUpdate() ? sizes.updateScratchSize : sizes.buildScratchSize;
 }
 
-void checkScratchSize(const RuleCheck &check, const input::StructureBuild &build,
-                      const VkAccelerationStructureBuildSizesInfoKHR &sizes)
-{
-    const VkDeviceAddress scratch = build.given->scratchData.deviceAddress;
-    const VkDeviceSize needed = scratchOf(build, sizes);
-    const VkDeviceSize available = check.model().buffers.addresses.bytesFrom(scratch);
-    if (needed > 0 && scratch != 0 && available < needed)
-        check.report(build.isUpdate() ? "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12259" : rules::kScratchSizeId,
-                     "scratchData", rules::tooFewBytes(available, needed));
-}
-
 // For the target of an update, which may be compacted, only the first byte.
 BuildMemory memoryOf(const DeviceModel &device, const input::StructureBuild &build,
                      const VkAccelerationStructureBuildSizesInfoKHR &sizes)
@@ -207,8 +196,6 @@ std::vector<Accessed> addressesOf(const input::StructureBuild &build)
     for (uint32_t g = 0; g < build.geometries.size(); ++g)
         if (build.geometries[g].given && build.ranges.primitives(g) > 0)
             addAddresses(accessed, build.geometries[g], g);
-    if (const VkDeviceAddress scratch = build.given->scratchData.deviceAddress; scratch != 0)
-        accessed.push_back({build.isUpdate() ? &kUpdateScratch : &kBuildScratch, scratch});
     return accessed;
 }
 
@@ -276,6 +263,30 @@ bool checkAddresses(const RuleCheck &check, const input::StructureBuild &build)
     checkWhenExecuted(check, build.element, accessed);
     checkInstanceAlignment(check, build);
     return valid;
+}
+
+// Checks the scratch memory of a build with these sizes. Returns whether it can be recorded.
+bool checkScratch(const RuleCheck &check, const input::StructureBuild &build,
+                  const VkAccelerationStructureBuildSizesInfoKHR &sizes)
+{
+    const DeviceModel &model = check.model();
+    const VkDeviceSize needed = scratchOf(build, sizes);
+    if (needed == 0)
+        return true; // the address is not used, and may be any
+    const Accessed scratch{build.isUpdate() ? &kUpdateScratch : &kBuildScratch, build.given->scratchData.deviceAddress};
+    if (const Found found = isInvalid(model.rules, scratch.address, Severity::Reject)) {
+        check.report(scratch.member->vuid, scratch.member->name, found.text);
+        return false;
+    }
+    checkWhenExecuted(check, build.element, {&scratch, 1});
+    if (lacksUsage(model.rules, scratch.address, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT))
+        check.report(scratch.member->vuid, scratch.member->name,
+                     "its buffer was created without VK_BUFFER_USAGE_STORAGE_BUFFER_BIT");
+    const VkDeviceSize available = model.buffers.addresses.bytesFrom(scratch.address);
+    if (build.ranges.direct && available < needed)
+        check.report(build.isUpdate() ? "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12259" : rules::kScratchSizeId,
+                     scratch.member->name, rules::tooFewBytes(available, needed));
+    return true;
 }
 
 void checkAddresses(const RuleCheck &check, const input::MicromapBuild &build)
@@ -553,14 +564,15 @@ void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildComman
     std::vector<BuildMemory> memory;
     for (const input::MicromapBuild &build : builds.micromaps)
         memory.push_back(memoryOf(device, build));
-    for (const input::StructureBuild &build : builds.structures) {
+    for (input::StructureBuild &build : builds.structures) {
         if (!build.accepted) // nothing is known of a build with a mistake
             continue;
         const Place element = place.element("pInfos", build.element);
+        const RuleCheck check(device, element, build.given->dstAccelerationStructure, commandBuffer);
         const VkAccelerationStructureBuildSizesInfoKHR sizes = sizesOf(device, build);
-        if (build.ranges.direct)
-            checkScratchSize({device, element, build.given->dstAccelerationStructure, commandBuffer}, build, sizes);
-        memory.push_back(memoryOf(device, build, sizes));
+        build.accepted = checkScratch(check, build, sizes);
+        if (build.accepted)
+            memory.push_back(memoryOf(device, build, sizes));
     }
     std::ranges::sort(memory, {}, &BuildMemory::element);
     const RuleCheck check(device, place, commandBuffer, commandBuffer);
