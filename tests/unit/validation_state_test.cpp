@@ -728,6 +728,17 @@ TEST_F(BuildRules, ScratchMemory)
     EXPECT_EQ(build({info}), ofBuild) << "its buffer is not for storage";
 }
 
+// One message for each, and not for each pair.
+TEST_F(BuildRules, ManyShareTheirScratchMemory)
+{
+    constexpr uint32_t kBuilds = 1000;
+    std::vector<VkAccelerationStructureBuildGeometryInfoKHR> infos;
+    for (uint32_t i = 0; i < kBuilds; ++i)
+        infos.push_back(buildOf(0x20 + i));
+    EXPECT_EQ(build(infos), (std::map<std::string, int>{
+                                {"VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-scratchData-03704", kBuilds - 1}}));
+}
+
 // Regions of an image whose rows are in memory.
 class ImageRows : public ValidationState
 {

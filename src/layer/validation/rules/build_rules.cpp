@@ -81,6 +81,11 @@ BuildMemory memoryOf(const DeviceModel &device, const input::StructureBuild &bui
             memoryAt(device, build.given->scratchData.deviceAddress, scratchOf(build, sizes))};
 }
 
+std::pair<VkDeviceMemory, VkDeviceSize> placeOf(const MemoryRange &range)
+{
+    return {range.memory, range.begin};
+}
+
 void checkOverlaps(const RuleCheck &command, std::span<const BuildMemory> builds, const OverlapIds &ids)
 {
     struct Piece {
@@ -95,47 +100,55 @@ void checkOverlaps(const RuleCheck &command, std::span<const BuildMemory> builds
         if (builds[i].scratchRange.memory)
             pieces.push_back({builds[i].scratchRange, i, true});
     }
-    std::ranges::sort(pieces, [](const Piece &a, const Piece &b) {
-        return std::tie(a.range.memory, a.range.begin, a.build) < std::tie(b.range.memory, b.range.begin, b.build);
-    });
-    for (size_t p = 0; p < pieces.size(); ++p) {
-        for (size_t q = p + 1; q < pieces.size() && pieces[p].range.overlaps(pieces[q].range); ++q) {
-            const Piece &one = pieces[p].build > pieces[q].build ? pieces[p] : pieces[q];
-            const Piece &other = pieces[p].build > pieces[q].build ? pieces[q] : pieces[p];
-            const bool bothTargets = !one.scratch && !other.scratch;
-            const bool same = bothTargets && builds[one.build].target.handle == builds[other.build].target.handle;
-            const char *id = same && ids.sameTarget         ? ids.sameTarget
-                             : bothTargets                  ? ids.targets
-                             : one.scratch && other.scratch ? ids.scratches
-                                                            : ids.targetAndScratch;
-            const Place place = command.place().element("pInfos", builds[one.build].element);
-            command.at(place).report(id, nullptr,
-                                     std::string(one.scratch ? "scratchData" : "the target") + " overlaps in memory " +
-                                         (other.scratch ? "scratchData" : "the target") + " of pInfos[" +
-                                         std::to_string(builds[other.build].element) + "]");
-        }
+    std::ranges::sort(pieces, {}, [](const Piece &piece) { return std::pair(placeOf(piece.range), piece.build); });
+    const auto reportOverlap = [&](const Piece &a, const Piece &b) {
+        const Piece &one = a.build > b.build ? a : b;
+        const Piece &other = a.build > b.build ? b : a;
+        const bool bothTargets = !one.scratch && !other.scratch;
+        const bool same = bothTargets && builds[one.build].target.handle == builds[other.build].target.handle;
+        const char *id = same && ids.sameTarget         ? ids.sameTarget
+                         : bothTargets                  ? ids.targets
+                         : one.scratch && other.scratch ? ids.scratches
+                                                        : ids.targetAndScratch;
+        const Place place = command.place().element("pInfos", builds[one.build].element);
+        command.at(place).report(id, nullptr,
+                                 std::string(one.scratch ? "scratchData" : "the target") + " overlaps in memory " +
+                                     (other.scratch ? "scratchData" : "the target") + " of pInfos[" +
+                                     std::to_string(builds[other.build].element) + "]");
+    };
+    // One report for each piece at most: all builds of a wrong program may share their scratch memory.
+    const Piece *furthest = nullptr; // of those that begin before, the one with the furthest end
+    for (const Piece &piece : pieces) {
+        const bool isBehind = !furthest || !piece.range.overlaps(furthest->range);
+        if (!isBehind)
+            reportOverlap(*furthest, piece);
+        if (isBehind || piece.range.end > furthest->range.end)
+            furthest = &piece;
     }
 }
 
-// Micromaps that geometries attach, against the targets of the other builds.
+// Micromaps that geometries attach, against the targets of the other builds. `targets`: in the order of memory.
 void checkAttachedMemory(const RuleCheck &command, const input::StructureBuild &build,
-                         std::span<const BuildMemory> builds)
+                         std::span<const BuildMemory> targets)
 {
     for (uint32_t g = 0; g < build.geometries.size(); ++g) {
         const auto &attachment = build.geometries[g].attachment;
         if (!attachment || !attachment->khr || !attachment->micromap)
             continue;
         const MemoryRange memory = memoryOf(command.model().objects.structureOf(attachment->micromap).get(), 1);
-        for (const BuildMemory &other : builds) {
-            const bool same = other.target.handle == attachment->micromap.handle; // another rule
-            if (other.element == build.element || same || !memory.overlaps(other.targetRange))
-                continue;
-            const Place place = command.place().element("pInfos", other.element);
-            command.at(place).report("VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11549",
-                                     "dstAccelerationStructure",
-                                     "it overlaps in memory the micromap of pInfos[" + std::to_string(build.element) +
-                                         "].pGeometries[" + std::to_string(g) + "]");
-        }
+        const auto after = std::ranges::upper_bound(
+            targets, placeOf(memory), {}, [](const BuildMemory &other) { return placeOf(other.targetRange); });
+        if (after == targets.begin())
+            continue;
+        const BuildMemory &other = *std::prev(after);
+        const bool same = other.target.handle == attachment->micromap.handle; // another rule
+        if (other.element == build.element || same || !memory.overlaps(other.targetRange))
+            continue;
+        const Place place = command.place().element("pInfos", other.element);
+        command.at(place).report("VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11549",
+                                 "dstAccelerationStructure",
+                                 "it overlaps in memory the micromap of pInfos[" + std::to_string(build.element) +
+                                     "].pGeometries[" + std::to_string(g) + "]");
     }
 }
 
@@ -574,10 +587,11 @@ void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildComman
         if (build.accepted)
             memory.push_back(memoryOf(device, build, sizes));
     }
-    std::ranges::sort(memory, {}, &BuildMemory::element);
     const RuleCheck check(device, place, commandBuffer, commandBuffer);
+    std::ranges::sort(memory, {}, [](const BuildMemory &build) { return placeOf(build.targetRange); });
     for (const input::StructureBuild &build : builds.structures)
         checkAttachedMemory(check, build, memory);
+    std::ranges::sort(memory, {}, &BuildMemory::element);
     checkOverlaps(check, memory,
                   command == BuildCommand::Micromaps       ? kMicromaps
                   : command == BuildCommand::HostMicromaps ? kHostMicromaps
