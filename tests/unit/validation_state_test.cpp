@@ -739,6 +739,25 @@ TEST_F(BuildRules, ManyShareTheirScratchMemory)
                                 {"VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-scratchData-03704", kBuilds - 1}}));
 }
 
+// VK_AMDX_dense_geometry_format: the micromap is in the chain of the geometry, behind the triangles, and there are no
+// ranges.
+TEST_F(BuildRules, DenseGeometry)
+{
+    VkAccelerationStructureTrianglesOpacityMicromapEXT attached{
+        VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT};
+    const VkBaseInStructure triangles{static_cast<VkStructureType>(1000478001),
+                                      reinterpret_cast<const VkBaseInStructure *>(&attached)};
+    geometry.geometryType = static_cast<VkGeometryTypeKHR>(1000478000);
+    geometry.pNext = &triangles;
+    EXPECT_EQ(build({buildOf(0x20)}, false), (std::map<std::string, int>{}));
+    geometry.geometryType = VK_GEOMETRY_TYPE_AABBS_KHR;
+    geometry.pNext = &attached;
+    EXPECT_EQ(
+        build({buildOf(0x21)}, false),
+        (std::map<std::string, int>{{"VELLUM-VUID-VkAccelerationStructureGeometryKHR-pNext-pNext", 1},
+                                    {"VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543", 1}}));
+}
+
 // Regions of an image whose rows are in memory.
 class ImageRows : public ValidationState
 {

@@ -3,6 +3,7 @@
 #include <cstring>
 #include <unordered_set>
 
+#include "layer/base/pnext.h"
 #include "layer/rules/builds.h"
 #include "layer/rules/ids.h"
 
@@ -510,6 +511,18 @@ Found wrongTarget(const Structure &c, bool ofType)
     return when(ofType && c.target.isMicromap(), "it was created as OPACITY_MICROMAP, and something else is built");
 }
 
+// VK_AMDX_dense_geometry_format: triangles whose build has no ranges. They are in the chain of their geometry, and so
+// are the structures that extend them.
+constexpr auto kDenseGeometry = static_cast<VkGeometryTypeKHR>(1000478000);
+constexpr auto kDenseTriangles = static_cast<VkStructureType>(1000478001);
+
+bool needsRanges(const input::StructureBuild &build)
+{
+    return std::ranges::any_of(build.geometries, [](const input::Geometry &geometry) {
+        return !geometry.given || geometry.given->geometryType != kDenseGeometry;
+    });
+}
+
 constexpr Rule<Structure> kStructure[] = {
     {kTarget, Reject, "dstAccelerationStructure", [](const Structure &c) { return isUnknown(c.target, kNoStructure); }},
     // The driver does not know the handles of emulated and translated micromaps.
@@ -523,7 +536,7 @@ constexpr Rule<Structure> kStructure[] = {
      }},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543", Reject, nullptr,
      [](const Structure &c) {
-         return when(!c.build.ranges.given() && !c.build.geometries.empty(),
+         return when(!c.build.ranges.given() && needsRanges(c.build),
                      "the element of ppBuildRangeInfos is null, and the structure is not a micromap");
      }},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630", Reject, "srcAccelerationStructure",
@@ -750,11 +763,13 @@ struct Chain {
 template <Extended extended>
 Found misplaced(const Chain &c)
 {
+    const bool hasTriangles =
+        extended == Extended::Triangles || (extended == Extended::Geometry && findInChain(c.first, kDenseTriangles));
     for (const auto *s = static_cast<const VkBaseInStructure *>(c.first); s; s = s->pNext) {
         const auto *found = std::ranges::find(kExtending, s->sType, &Extending::type);
         if (found == std::end(kExtending))
             continue;
-        if (found->extended != extended)
+        if (found->extended == Extended::Triangles ? !hasTriangles : found->extended != extended)
             return {nameOf(s->sType) + " is in the chain; it extends " +
                     (found->extended == Extended::Triangles ? "VkAccelerationStructureGeometryTrianglesDataKHR"
                                                             : "VkAccelerationStructureGeometryKHR")};
