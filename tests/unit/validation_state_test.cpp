@@ -758,6 +758,21 @@ TEST_F(BuildRules, DenseGeometry)
                                     {"VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543", 1}}));
 }
 
+// An application may state the usage of each triangle; what compares kinds would take hours.
+TEST(UsageCounts, AreMerged)
+{
+    const std::vector<VkMicromapUsageEXT> usages{{1, 2, 2}, {3, 2, 1}, {4, 2, 2}, {UINT32_MAX, 2, 2}, {5, 1, 1}};
+    const std::vector<VkMicromapUsageEXT> merged =
+        input::UsageCounts(static_cast<uint32_t>(usages.size()), usages.data(), nullptr).merged();
+    std::vector<uint32_t> counts;
+    for (const VkMicromapUsageEXT &usage : merged)
+        counts.push_back(usage.count);
+    EXPECT_EQ(counts.size(), 4u);
+    EXPECT_EQ(trianglesOf(merged, 2, 2), uint64_t{UINT32_MAX} + 5);
+    EXPECT_EQ(trianglesOf(merged, 2, 1), 3u);
+    EXPECT_EQ(trianglesOf(merged, 1, 1), 5u);
+}
+
 // Regions of an image whose rows are in memory.
 class ImageRows : public ValidationState
 {

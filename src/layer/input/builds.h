@@ -40,7 +40,8 @@ public:
         return count_ == 0 ? 1 : uint32_t{counts_ != nullptr} + uint32_t{pointers_ != nullptr};
     }
     [[nodiscard]] uint64_t triangles() const;
-    [[nodiscard]] std::vector<VkMicromapUsageEXT> copy() const;
+    // One for each level and format, unless their sum exceeds 32 bits: an application may give one for each triangle.
+    [[nodiscard]] std::vector<VkMicromapUsageEXT> merged() const;
 
 private:
     uint32_t count_ = 0;

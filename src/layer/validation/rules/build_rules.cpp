@@ -334,7 +334,7 @@ void checkUsages(const RuleCheck &check, const input::Attachment &attachment,
 {
     if (attachment.khr || attachment.usages.size() == 0)
         return;
-    check.whenExecuted(rules::ids::kAttachedCounts, [micromap, usages = attachment.usages.copy()]() -> std::string {
+    check.whenExecuted(rules::ids::kAttachedCounts, [micromap, usages = attachment.usages.merged()]() -> std::string {
         const auto contents = micromap->contents;
         if (!contents || contents->deserialized)
             return {};
@@ -523,7 +523,7 @@ void checkUpdate(const RuleCheck &check, const input::StructureBuild &build)
         UpdatedGeometry now;
         if (geometry.attachment)
             now = {true, geometry.attachment->khr, check.model().objects.structureOf(geometry.attachment->micromap),
-                   geometry.attachment->micromap, geometry.attachment->usages.copy()};
+                   geometry.attachment->micromap, geometry.attachment->usages.merged()};
         const Place place = check.place().element("pGeometries", g);
         checkGeometryUpdate(check.at(place), source, g, now);
     }
