@@ -567,10 +567,15 @@ constexpr Rule<Structure> kStructure[] = {
     {kBound, Reject, "dstAccelerationStructure", [](const Structure &c) { return isUnbound(c.target); }},
 };
 constexpr Rule<Structure> kGeometries[] = {
-    {kArrays, Reject, "pGeometries",
+    {kArrays, Depends, "pGeometries",
      [](const Structure &c) {
-         return when(std::ranges::any_of(c.build.geometries, [](const auto &geometry) { return !geometry.given; }),
-                     "geometryCount is not 0, but a geometry is a null pointer");
+         const bool isNull =
+             std::ranges::any_of(c.build.geometries, [](const auto &geometry) { return !geometry.given; });
+         const bool both = !c.build.geometries.empty() && c.build.given->pGeometries && c.build.given->ppGeometries;
+         return when(isNull || both,
+                     isNull ? "geometryCount is not 0, but a geometry is a null pointer"
+                            : "pGeometries and ppGeometries are both given",
+                     isNull ? Reject : Report);
      }},
     // The driver does not know this type.
     {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11707", Reject, "pGeometries",
