@@ -679,7 +679,8 @@ Found wrongHostCounts(const Attached &c)
 {
     const uint32_t bytes = c.indexBytes();
     const auto *indices = static_cast<const char *>(c.attachment.indexBuffer.hostAddress);
-    if (c.attachment.khr || !c.ranges.given() || (c.indexed() && (bytes == 0 || !indices)))
+    if (c.attachment.khr || !c.ranges.given() ||
+        (c.indexed() && (bytes == 0 || !indices || c.attachment.indexStride > UINT32_MAX)))
         return {};
     uint64_t triangles = c.attachment.micromap ? c.ranges.primitives(c.geometry) : 0;
     for (uint64_t t = triangles; c.indexed() && t-- > 0;)
@@ -688,7 +689,8 @@ Found wrongHostCounts(const Attached &c)
     return wrongCounts(c, triangles, triangles);
 }
 
-constexpr Rule<Attached> kExtAttachment[] = {
+// Rules of the structure, on the device and on the host.
+constexpr Rule<Attached> kExtStructure[] = {
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-indexType-10719", Report, "indexType", wrongIndexType},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-indexType-10722", Report, "indexStride",
      wrongIndexStride},
@@ -698,6 +700,8 @@ constexpr Rule<Attached> kExtAttachment[] = {
      [](const Attached &c) {
          return when(c.attachment.usages.arrays() > 1, "both pUsageCounts and ppUsageCounts are given");
      }},
+};
+constexpr Rule<Attached> kExtAttachment[] = {
     {ids::kAttachedCounts, Report, "pUsageCounts", wrongDeviceCounts},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-micromap-parameter", Reject, "micromap", noMicromap},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10904", Report, "indexBuffer", unneededIndices},
@@ -854,17 +858,29 @@ void checkChains(const InputCheck &check, const input::MicromapBuild &build)
     checkChains(check, 0, build.geometry);
 }
 
-Verdict checkAttachment(const InputCheck &check, const Attached &c)
+// An attachment of VK_EXT_opacity_micromap. `rules`: of the command.
+Verdict checkExtAttachment(const InputCheck &check, const Attached &c, std::span<const Rule<Attached>> rules)
 {
-    if (c.attachment.khr)
-        return check.check<Attached>(kKhrAttachment, c);
-    if (!check.device().validating)
-        return {}; // only validation knows whether the micromap exists
-    Verdict verdict = check.check<Attached>(kExtAttachment, c);
+    Verdict verdict = check.check<Attached>(kExtStructure, c);
+    verdict &= check.check<Attached>(rules, c);
     if (c.attachment.micromap)
         verdict &=
             checkUsages(check, kAttachedUsages, c.attachment.usages, false, std::nullopt, check.device().extLimits);
     return verdict;
+}
+
+Verdict checkAttachment(const InputCheck &check, const Attached &c)
+{
+    if (c.attachment.khr)
+        return check.check<Attached>(kKhrAttachment, c);
+    // Only validation knows whether the micromap exists.
+    return check.device().validating ? checkExtAttachment(check, c, kExtAttachment) : Verdict{};
+}
+
+Verdict checkHostAttachment(const InputCheck &check, const Attached &c)
+{
+    const bool ext = !c.attachment.khr && check.device().validating;
+    return ext ? checkExtAttachment(check, c, kHostAttachment) : check.check<Attached>(kHostAttachment, c);
 }
 
 // Calls checkOne(check, attached) for each geometry with a micromap, until one is not accepted. `objects`: null on the
@@ -1008,9 +1024,7 @@ void checkHostBuilds(const RuleDevice &device, const Place &command, input::Buil
         const InputCheck check(device, place, build.given->dstAccelerationStructure);
         Verdict verdict = check.check<Structure>(kGeometries, {build, device});
         checkChains(check, build);
-        verdict &= checkAttachments(check, build, nullptr, [](const InputCheck &part, const Attached &c) {
-            return part.check<Attached>(kHostAttachment, c);
-        });
+        verdict &= checkAttachments(check, build, nullptr, checkHostAttachment);
         build.accepted = verdict.accepted;
     }
 }

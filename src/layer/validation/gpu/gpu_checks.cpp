@@ -290,7 +290,7 @@ void checkHostBuild(GpuChecks &gpu, const input::MicromapBuild &build)
     if (target->record)
         device.records.set(*target->record, {kRecordMicromap, build.flags, count});
     const auto *triangles = static_cast<const char *>(build.triangles.hostAddress);
-    if (!triangles || !build.data.hostAddress)
+    if (!build.accepted || !triangles || !build.data.hostAddress)
         return;
     Finding finding{
         0, siteOf(SiteCommand::BuildMicromapsOnHost, build.element), kNoGeometry, 0, 0, 0, build.target.handle};
