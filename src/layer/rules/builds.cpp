@@ -350,18 +350,12 @@ Found smallScratch(const Build &c)
         c.ifRead(Reject));
 }
 
-// The shaders of the layer take 32 bits. Overlapping triangles are read as they are.
+// The shaders of the layer take 32 bits. Triangles may overlap, and all may be one: VK_EXT_opacity_micromap has no
+// rule.
 Found wrongStride(const Build &c)
 {
-    const bool tooLarge = c.build.triangleStride > UINT32_MAX;
-    return when(
-        c.support() && c.triangles > 1 &&
-            (tooLarge || (!c.build.khr && c.build.triangleStride < sizeof(VkMicromapTriangleEXT))),
-        [&] {
-            return std::to_string(c.build.triangleStride) +
-                   (tooLarge ? " does not fit 32 bits" : " is less than the 8 bytes of a VkMicromapTriangleEXT");
-        },
-        tooLarge ? Reject : Tolerate);
+    return when(c.support() && c.triangles > 1 && c.build.triangleStride > UINT32_MAX,
+                [&] { return std::to_string(c.build.triangleStride) + " does not fit 32 bits"; });
 }
 constexpr const char *kStrideId = "VELLUM-micromap-stride";
 
@@ -379,7 +373,7 @@ constexpr Rule<Build> kExtMemory[] = {
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07514", Depends, "scratchData", misalignedScratch},
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07511", Report, "scratchData", scratchWithoutUsage},
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07509", Depends, "scratchData", smallScratch},
-    {kStrideId, Depends, "triangleArrayStride", wrongStride},
+    {kStrideId, Reject, "triangleArrayStride", wrongStride},
 };
 constexpr Rule<Build> kExtHostMemory[] = {
     {"VUID-vkBuildMicromapsEXT-pInfos-07461", Depends, "dstMicromap", tooSmall},
@@ -387,7 +381,7 @@ constexpr Rule<Build> kExtHostMemory[] = {
      [](const Build &c) { return when(!c.target.hostVisible, "its buffer is not bound to host-visible memory"); }},
     {"VUID-vkBuildMicromapsEXT-pInfos-07553", Depends, "data", noData},
     {"VUID-vkBuildMicromapsEXT-pInfos-07554", Depends, "triangleArray", noTriangles},
-    {kStrideId, Depends, "triangleArrayStride", wrongStride},
+    {kStrideId, Reject, "triangleArrayStride", wrongStride},
 };
 constexpr Rule<Build> kKhrMemory[] = {
     {kTargetSizeId, Depends, "dstAccelerationStructure", tooSmall},
@@ -436,7 +430,7 @@ constexpr Rule<Build> kKhrMemory[] = {
          return when(c.build.triangleStride % 4 != 0,
                      [&] { return std::to_string(c.build.triangleStride) + " is not a multiple of 4"; });
      }},
-    {kStrideId, Depends, "triangleArrayStride", wrongStride},
+    {kStrideId, Reject, "triangleArrayStride", wrongStride},
 };
 
 // ------------------------------------------------------------------------------------------ flags
