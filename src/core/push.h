@@ -319,7 +319,8 @@ struct InstanceCheckPush {
 // validation/instances_contents.comp
 struct InstancesContentsPush {
     VELLUM_ADDRESS source; // instances, or pointers to them
-    VELLUM_ADDRESS target; // the number of instances written, 0 before; a word of padding; their references
+    VELLUM_ADDRESS
+        target; // the number of instances written, 0 before; a word of padding; their references; their masks
     uint count;
     uint pointers; // 1: of pointers
 };

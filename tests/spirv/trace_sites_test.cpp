@@ -36,7 +36,7 @@ TEST_P(TraceSitesOf, AreFoundAndMarked)
     for (const char *variant : {"v14", "v15", "v16", "debug"}) {
         const Module words = loadShader(shader.name, variant);
         const std::vector<TraceSite> sites = spirv::traceSites(words, stage);
-        const TraceSite expected{shader.query, spirv::StructureBinding{0, 0, 0}};
+        const TraceSite expected{shader.query, spirv::StructureBinding{0, 0, 0}, 0xff};
         EXPECT_EQ(sites, std::vector(shader.sites, expected)) << variant;
         std::vector<uint32_t> marks(sites.size(), 7);
         const Module marked = spirv::markTraces(words, stage, kAddress, marks);
@@ -85,6 +85,7 @@ const char *const kArray = R"(
 %zero = OpConstant %uint 0
 %one = OpConstant %uint 1
 %four = OpConstant %uint 4
+%wide = OpConstant %uint 0x1fe
 %zf = OpConstant %float 0
 %up = OpConstantComposite %vec3 %zf %zf %zf
 %structure = OpTypeAccelerationStructureKHR
@@ -101,11 +102,11 @@ const char *const kArray = R"(
 %lf = OpLabel
 %p1 = OpAccessChain %sp %structures %one
 %s1 = OpLoad %structure %p1
-OpRayQueryInitializeKHR %query %s1 %zero %zero %up %zf %up %zf
+OpRayQueryInitializeKHR %query %s1 %zero %wide %up %zf %up %zf
 %i = OpLoad %uint %index
 %p2 = OpAccessChain %sp %structures %i
 %s2 = OpLoad %structure %p2
-OpRayQueryInitializeKHR %query %s2 %zero %zero %up %zf %up %zf
+OpRayQueryInitializeKHR %query %s2 %zero %i %up %zf %up %zf
 OpReturn
 OpFunctionEnd
 %g = OpFunction %void None %proc
@@ -120,12 +121,12 @@ OpFunctionEnd
 TEST(TraceSites, OnlyOfOneEntryPoint)
 {
     const Module words = assemble(kArray);
-    const auto site = [](std::optional<uint32_t> element) {
-        return TraceSite{true, spirv::StructureBinding{2, 5, element}};
+    const auto site = [](std::optional<uint32_t> element, std::optional<uint32_t> cullMask) {
+        return TraceSite{true, spirv::StructureBinding{2, 5, element}, cullMask};
     };
     const StageName one{"one", spv::ExecutionModelGLCompute};
-    EXPECT_EQ(spirv::traceSites(words, one), (std::vector{site(1), site({})}));
-    EXPECT_EQ(spirv::traceSites(words, {"two", spv::ExecutionModelGLCompute}), std::vector{site(0)});
+    EXPECT_EQ(spirv::traceSites(words, one), (std::vector{site(1, 0xfe), site({}, {})}));
+    EXPECT_EQ(spirv::traceSites(words, {"two", spv::ExecutionModelGLCompute}), std::vector{site(0, 0)});
     EXPECT_TRUE(spirv::traceSites(words, {"one", spv::ExecutionModelFragment}).empty());
     const std::vector<uint32_t> marks{3, 4};
     const Module marked = spirv::markTraces(words, one, kAddress, marks);
@@ -142,7 +143,8 @@ TEST(TraceSites, AreFoundThroughCopies)
                  "%c3 = OpCopyObject %sp %p3\n%s3 = OpLoad %structure %c3");
     const Module words = assemble(text);
     ASSERT_EQ(validate(words), "");
-    const TraceSite first{true, spirv::StructureBinding{2, 5, 1}}, third{true, spirv::StructureBinding{2, 5, 0}};
+    const TraceSite first{true, spirv::StructureBinding{2, 5, 1}, 0xfe},
+        third{true, spirv::StructureBinding{2, 5, 0}, 0};
     EXPECT_EQ(spirv::traceSites(words, {"one", spv::ExecutionModelGLCompute}).front(), first);
     EXPECT_EQ(spirv::traceSites(words, {"two", spv::ExecutionModelGLCompute}), std::vector{third});
 }
@@ -150,7 +152,7 @@ TEST(TraceSites, AreFoundThroughCopies)
 // Ids that are copies of themselves, directly or through each other, end the search.
 TEST(TraceSites, CopiesOfThemselves)
 {
-    const std::vector<TraceSite> unknown{{true, {}}};
+    const std::vector<TraceSite> unknown{{true, {}, 0}};
     for (const char *copies :
          {"%s3 = OpCopyObject %structure %s3", "%c3 = OpCopyObject %structure %s3\n%s3 = OpCopyObject %structure %c3",
           "%c3 = OpAccessChain %sp %c3\n%s3 = OpLoad %structure %c3",

@@ -231,8 +231,10 @@ TEST_F(ValidationState, PendingUsesAreReportedUnlessTheHostMayKnowMore)
     device.next.CmdResetQueryPool = [](VkCommandBuffer, VkQueryPool, uint32_t, uint32_t) {};
     const VkQueryPoolCreateInfo info{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO};
     device.next.QueueWaitIdle = [](VkQueue) { return VK_ERROR_DEVICE_LOST; };
-    enum class Known { Elsewhere, Lost, Pending };
-    for (const Known known : {Known::Elsewhere, Known::Lost, Known::Pending}) {
+    device.next.GetQueryPoolResults = [](VkDevice, VkQueryPool, uint32_t, uint32_t, size_t, void *, VkDeviceSize,
+                                         VkQueryResultFlags) { return VK_NOT_READY; };
+    enum class Known { Elsewhere, Lost, Availability, Pending };
+    for (const Known known : {Known::Elsewhere, Known::Lost, Known::Availability, Known::Pending}) {
         device.facts.waitsElsewhere = known == Known::Elsewhere;
         const VkCommandBuffer commands = allocate(makePool(), 1).front();
         VkQueryPool pool{};
@@ -245,6 +247,8 @@ TEST_F(ValidationState, PendingUsesAreReportedUnlessTheHostMayKnowMore)
         if (known == Known::Lost) {
             EXPECT_EQ(validation::queueWaitIdle(device, {}), VK_ERROR_DEVICE_LOST);
         }
+        const VkQueryResultFlags flags = known == Known::Availability ? VK_QUERY_RESULT_WITH_AVAILABILITY_BIT : 0;
+        EXPECT_EQ(validation::getQueryPoolResults(device, {}, pool, 0, 1, 0, nullptr, 0, flags), VK_NOT_READY);
         validation::destroyQueryPool(device, {}, pool, nullptr);
         EXPECT_EQ(reported["VELLUM-VUID-vkDestroyQueryPool-queryPool-00793"], known == Known::Pending ? 1 : 0);
     }
@@ -627,6 +631,146 @@ TEST_F(ValidationState, BuildsWithNullArrays)
     micromap.usageCountsCount = 1;
     micromap.ppUsageCounts = &usage;
     validation::cmdBuildMicromaps(device, commands, 1, &micromap);
+}
+
+// Builds above an implementation whose sizes are known.
+class BuildRules : public ValidationState
+{
+protected:
+    static constexpr VkDeviceAddress kScratch = 0x100000;
+    static constexpr VkDeviceSize kScratchBytes = 0x10000;
+
+    BuildRules()
+    {
+        device.rules.validating = true;
+        device.rules.lacksBuffer = [this](VkDeviceAddress address) {
+            return !device.buffers.addresses.find(address).buffer;
+        };
+        device.driver.enabled.ext = device.driver.enabled.extFeature = true;
+        device.next.CmdBuildAccelerationStructuresKHR = [](VkCommandBuffer, uint32_t,
+                                                           const VkAccelerationStructureBuildGeometryInfoKHR *,
+                                                           const VkAccelerationStructureBuildRangeInfoKHR *const *) {};
+        device.next.GetAccelerationStructureBuildSizesKHR =
+            [](VkDevice, VkAccelerationStructureBuildTypeKHR, const VkAccelerationStructureBuildGeometryInfoKHR *,
+               const uint32_t *, VkAccelerationStructureBuildSizesInfoKHR *sizes) {
+                sizes->accelerationStructureSize = 256;
+                sizes->buildScratchSize = 256;
+                sizes->updateScratchSize = 0;
+            };
+        bind(addBuffer(kScratch, kScratchBytes), 1);
+        commands_ = allocate(makePool(), 1).front();
+        geometry.geometryType = VK_GEOMETRY_TYPE_AABBS_KHR;
+    }
+    void bind(VkBuffer buffer, uint64_t memory)
+    {
+        const auto known = device.objects.buffers.get(buffer);
+        known->address = known->handle.handle;
+        known->memory = handle<VkDeviceMemory>(memory);
+    }
+    // A build of a structure in memory of its own, with geometry without primitives.
+    VkAccelerationStructureBuildGeometryInfoKHR buildOf(uint64_t number)
+    {
+        auto structure = std::make_shared<ValidatedStructure>();
+        structure->handle = handle<VkAccelerationStructureKHR>(number);
+        structure->type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+        structure->size = 4096;
+        const VkBuffer buffer = addBuffer(number << 16, 4096);
+        bind(buffer, number);
+        structure->buffer = device.objects.buffers.get(buffer);
+        device.objects.structures.set(handle<VkAccelerationStructureKHR>(number), structure);
+        VkAccelerationStructureBuildGeometryInfoKHR info{
+            VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR};
+        info.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+        info.dstAccelerationStructure = handle<VkAccelerationStructureKHR>(number);
+        info.geometryCount = 1;
+        info.pGeometries = &geometry;
+        info.scratchData.deviceAddress = kScratch;
+        return info;
+    }
+    // The messages about builds by one command.
+    std::map<std::string, int> build(const std::vector<VkAccelerationStructureBuildGeometryInfoKHR> &infos,
+                                     bool hasRanges = true)
+    {
+        const VkAccelerationStructureBuildRangeInfoKHR range{};
+        const std::vector<const VkAccelerationStructureBuildRangeInfoKHR *> ranges(infos.size(),
+                                                                                   hasRanges ? &range : nullptr);
+        reported.clear();
+        validation::cmdBuildAccelerationStructures(device, commands_, static_cast<uint32_t>(infos.size()), infos.data(),
+                                                   ranges.data());
+        return reported;
+    }
+
+    VkAccelerationStructureGeometryKHR geometry{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR};
+
+private:
+    VkCommandBuffer commands_;
+};
+
+// Scratch memory that is not needed may have any address.
+TEST_F(BuildRules, ScratchMemory)
+{
+    using Messages = std::map<std::string, int>;
+    const Messages none, ofBuild{{"VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261", 1}};
+    auto info = buildOf(0x20);
+    EXPECT_EQ(build({info}), none);
+    for (const VkDeviceAddress invalid : {VkDeviceAddress{0}, VkDeviceAddress{0x7654'0000'0000}}) {
+        info.scratchData.deviceAddress = invalid;
+        info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR;
+        EXPECT_EQ(build({info}), ofBuild) << invalid;
+        info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
+        info.srcAccelerationStructure = info.dstAccelerationStructure;
+        EXPECT_EQ(build({info}), none) << invalid;
+    }
+    constexpr VkDeviceAddress kInput = 0x900000;
+    device.buffers.addresses.add(kInput, handle<VkBuffer>(kInput), 4096, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    info.scratchData.deviceAddress = kInput;
+    info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR;
+    EXPECT_EQ(build({info}), ofBuild) << "its buffer is not for storage";
+}
+
+// One message for each, and not for each pair.
+TEST_F(BuildRules, ManyShareTheirScratchMemory)
+{
+    constexpr uint32_t kBuilds = 1000;
+    std::vector<VkAccelerationStructureBuildGeometryInfoKHR> infos;
+    for (uint32_t i = 0; i < kBuilds; ++i)
+        infos.push_back(buildOf(0x20 + i));
+    EXPECT_EQ(build(infos), (std::map<std::string, int>{
+                                {"VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-scratchData-03704", kBuilds - 1}}));
+}
+
+// VK_AMDX_dense_geometry_format: the micromap is in the chain of the geometry, behind the triangles, and there are no
+// ranges.
+TEST_F(BuildRules, DenseGeometry)
+{
+    VkAccelerationStructureTrianglesOpacityMicromapEXT attached{
+        VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT};
+    const VkBaseInStructure triangles{static_cast<VkStructureType>(1000478001),
+                                      reinterpret_cast<const VkBaseInStructure *>(&attached)};
+    geometry.geometryType = static_cast<VkGeometryTypeKHR>(1000478000);
+    geometry.pNext = &triangles;
+    EXPECT_EQ(build({buildOf(0x20)}, false), (std::map<std::string, int>{}));
+    geometry.geometryType = VK_GEOMETRY_TYPE_AABBS_KHR;
+    geometry.pNext = &attached;
+    EXPECT_EQ(
+        build({buildOf(0x21)}, false),
+        (std::map<std::string, int>{{"VELLUM-VUID-VkAccelerationStructureGeometryKHR-pNext-pNext", 1},
+                                    {"VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543", 1}}));
+}
+
+// An application may state the usage of each triangle; what compares kinds would take hours.
+TEST(UsageCounts, AreMerged)
+{
+    const std::vector<VkMicromapUsageEXT> usages{{1, 2, 2}, {3, 2, 1}, {4, 2, 2}, {UINT32_MAX, 2, 2}, {5, 1, 1}};
+    const std::vector<VkMicromapUsageEXT> merged =
+        input::UsageCounts(static_cast<uint32_t>(usages.size()), usages.data(), nullptr).merged();
+    std::vector<uint32_t> counts;
+    for (const VkMicromapUsageEXT &usage : merged)
+        counts.push_back(usage.count);
+    EXPECT_EQ(counts.size(), 4u);
+    EXPECT_EQ(trianglesOf(merged, 2, 2), uint64_t{UINT32_MAX} + 5);
+    EXPECT_EQ(trianglesOf(merged, 2, 1), 3u);
+    EXPECT_EQ(trianglesOf(merged, 1, 1), 5u);
 }
 
 // Regions of an image whose rows are in memory.

@@ -336,6 +336,13 @@ void indirectIntoNoBuffer(Gpu &gpu, bool wrong)
     recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands); });
 }
 
+void bothArrays(BuildInfo &info, const VkAccelerationStructureBuildRangeInfoKHR *&)
+{
+    static const VkAccelerationStructureGeometryKHR *geometry;
+    geometry = info.pGeometries;
+    info.ppGeometries = &geometry;
+}
+
 void noInstances(Gpu &gpu, bool wrong)
 {
     const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}});
@@ -425,6 +432,8 @@ const WrongProgram kPrograms[] = {
 
     {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryCount-11560", Api::Khr, kNeedsNothing,
      khrBuild<KHR_CHANGE(build.info.geometryCount = 2)>},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788", Api::Khr, kNeedsNothing,
+     structureBuild<bothArrays>, "OfStructure"},
     {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788", Api::Khr, kNeedsNothing,
      khrBuild<KHR_CHANGE(static const VkAccelerationStructureGeometryKHR *geometry; geometry = &build.geometry;
                          build.info.ppGeometries = &geometry)>},

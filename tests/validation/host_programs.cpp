@@ -21,6 +21,18 @@ void build(Gpu &gpu, bool wrong)
     gpu.vk().BuildMicromapsEXT(gpu.device(), VK_NULL_HANDLE, 1, &info);
 }
 
+// The second triangle is outside the application's memory, which validation must not read.
+void buildWithHugeStride(Gpu &gpu, bool wrong)
+{
+    MicromapInput input = oneTriangle();
+    input.add(2, kFourState, std::vector<uint8_t>(16, 1));
+    const Micromap micromap(gpu, std::move(input));
+    VkMicromapBuildInfoEXT info = micromap.hostBuildInfo();
+    if (wrong)
+        info.triangleArrayStride = VkDeviceSize{1} << 40;
+    gpu.vk().BuildMicromapsEXT(gpu.device(), VK_NULL_HANDLE, 1, &info);
+}
+
 void buildTooSmall(Gpu &gpu, bool wrong)
 {
     const Micromap micromap(gpu, oneTriangle());
@@ -223,6 +235,7 @@ constexpr Properties kNotAllowed{.type = kCompacted, .allowsCompaction = false};
 constexpr Properties kCompactedSize{.type = kCompacted};
 
 const WrongProgram kPrograms[] = {
+    {"micromap-stride", Api::Ext, kNeedsHostCommands | kNeedsEmulation, buildWithHugeStride, "Host"},
     {"VUID-vkBuildMicromapsEXT-pInfos-07461", Api::Ext, kNeedsHostCommands, buildTooSmall},
     {"VUID-vkBuildMicromapsEXT-mode-07462", Api::Ext, kNeedsHostCommands,
      build<[](VkMicromapBuildInfoEXT &info) { info.mode = static_cast<VkBuildMicromapModeEXT>(3); }>},

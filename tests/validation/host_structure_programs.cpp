@@ -68,7 +68,7 @@ void attachesMicromap(Attachments &attachments, bool wrong)
     attachments.khr.micromap = wrong ? attachments.micromap.khr : VK_NULL_HANDLE;
 }
 
-constexpr VkMicromapUsageEXT kOne{1, 2, kFourState};
+constexpr VkMicromapUsageEXT kOne{1, 2, kFourState}, kOneOfNoFormat{1, 2, 7};
 
 // One triangle, with the micromap or with a special index.
 void noCounts(Attachments &attachments, bool wrong)
@@ -87,6 +87,20 @@ void countsSpecial(Attachments &attachments, bool wrong)
     attachments.ext.indexBuffer.hostAddress = attachments.indices.data();
     attachments.ext.usageCountsCount = wrong ? 1 : 0;
     attachments.ext.pUsageCounts = &kOne;
+}
+
+// One triangle with the micromap, by its index; `change`: of the structure.
+template <auto change>
+void indexed(Attachments &attachments, bool wrong)
+{
+    attachments.ext.micromap = attachments.micromap.ext;
+    attachments.ext.indexType = VK_INDEX_TYPE_UINT32;
+    attachments.ext.indexStride = 4;
+    attachments.ext.indexBuffer.hostAddress = attachments.indices.data();
+    attachments.ext.usageCountsCount = 1;
+    attachments.ext.pUsageCounts = &kOne;
+    if (wrong)
+        change(attachments.ext);
 }
 
 void copyNotBuilt(Gpu &gpu, bool wrong)
@@ -135,6 +149,14 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkBuildAccelerationStructuresKHR-pInfos-11821", Api::Ext, kNeedsNothing, build<noIndices>, "", "", true},
     {"attachment-usage-counts", Api::Ext, kNeedsNothing, build<noCounts>, "Host", "", true},
     {"attachment-usage-counts", Api::Ext, kNeedsNothing, build<countsSpecial>, "HostSpecial", "", true},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-indexType-10719", Api::Ext, kNeedsNothing,
+     build<indexed<[](auto &ext) { ext.indexType = static_cast<VkIndexType>(7); }>>, "Host", "", true},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-indexType-10722", Api::Ext, kNeedsNothing,
+     build<indexed<[](auto &ext) { ext.indexStride = 6; }>>, "Host", "", true},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-indexType-10723", Api::Ext, kNeedsNothing,
+     build<indexed<[](auto &ext) { ext.indexStride = VkDeviceSize{1} << 40; }>>, "Host", "", true},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-format-11679", Api::Ext, kNeedsNothing,
+     build<indexed<[](auto &ext) { ext.pUsageCounts = &kOneOfNoFormat; }>>, "Host", "", true},
     {"VUID-vkBuildAccelerationStructuresKHR-pInfos-11705", Api::Khr, kNeedsNothing, build<attachesMicromap>, "", "",
      true},
     {"VUID-vkCopyAccelerationStructureKHR-src-11586", Api::Khr, kNeedsNothing, copyNotBuilt, "", "", true},

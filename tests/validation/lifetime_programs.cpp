@@ -561,6 +561,25 @@ void misalignedPointer(Gpu &gpu, bool wrong)
     gpu.submit([&](VkCommandBuffer commands) { build.record(commands, by); });
 }
 
+// Pointers to instances with motion have their type in the low bits (VK_NV_ray_tracing_motion_blur). The instance is
+// all zeros, which names no structure.
+void motionInstance(Gpu &gpu, bool wrong)
+{
+    constexpr VkBufferUsageFlags kInput = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
+    const Blas blas(gpu, {indexedTriangle()});
+    Tlas tlas(gpu);
+    tlas.build(std::array{instance(blas, {}, 0)}, 0, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
+               Arrangement::Pointers);
+    const std::array<std::byte, 256> zeros{};
+    const Buffer data = gpu.upload(std::span<const std::byte>(zeros), kInput);
+    const std::array pointers{data.address() | VK_ACCELERATION_STRUCTURE_MOTION_INSTANCE_TYPE_MATRIX_MOTION_NV};
+    const Buffer array = gpu.upload(std::span<const VkDeviceAddress>(pointers), kInput);
+    Build build(gpu, tlas);
+    build.info.flags |= wrong ? 0 : VK_BUILD_ACCELERATION_STRUCTURE_MOTION_BIT_NV;
+    build.geometry.geometry.instances.data.deviceAddress = array.address();
+    gpu.submit([&](VkCommandBuffer commands) { build.record(commands); });
+}
+
 // --- Updates of structures that were built otherwise ---
 
 enum class Other { Flags, Geometries, Primitives, Allowed, Built };
@@ -688,6 +707,7 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03716", Api::Khr, kNeedsNothing,
      misalignedInstances<By::Host, Arrangement::Pointers>},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03717", Api::Khr, kNeedsNothing, misalignedPointer<By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03717", Api::Ext, kNeedsNothing, motionInstance, "Motion"},
     {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03717", Api::Khr, kNeedsNothing,
      misalignedPointer<By::Indirect>},
     {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03715", Api::Khr, kNeedsNothing,

@@ -44,6 +44,21 @@ void query(Gpu &gpu, bool wrong)
     recordUnlessWrong(gpu, wrong && !used.execute, write);
 }
 
+// The first use of a query that was reset when its pool was created (VK_KHR_maintenance9), or never.
+void neverReset(Gpu &gpu, bool wrong)
+{
+    constexpr VkQueryPoolCreateFlags kResetAtCreation = 1;
+    const Twins twins(gpu);
+    const auto info = vkInit<VkQueryPoolCreateInfo>(
+        {.flags = wrong ? 0 : kResetAtCreation, .queryType = micromapQueryType(gpu, kSerialized), .queryCount = 1});
+    VkQueryPool pool = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateQueryPool(gpu.device(), &info, nullptr, &pool));
+    gpu.submit([&](VkCommandBuffer commands) {
+        recordMicromapProperties(gpu, commands, std::span(&twins.built, 1), info.queryType, pool, 0);
+    });
+    vkDestroyQueryPool(gpu.device(), pool, nullptr);
+}
+
 void unbound(Gpu &gpu, bool wrong)
 {
     const Twins twins(gpu);
@@ -108,6 +123,7 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-queryPool-parameter", Api::Ext, kNeedsNothing, query<kNoPool>},
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-query-07528", Api::Ext, kNeedsNothing, query<kPastThePool>},
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-None-12417", Api::Ext, kNeedsNothing, query<kAvailable>},
+    {"VUID-vkCmdWriteMicromapsPropertiesEXT-None-12417", Api::Ext, kNeedsNothing, neverReset, "NeverReset"},
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-11662", Api::Ext, kNeedsNothing, query<kNeverBuilt>},
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-07502", Api::Ext, kNeedsNothing,
      query<kNotAllowed, kCompactedSize>},
@@ -120,6 +136,8 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-parameter", Api::Khr, kNeedsNothing, query<kNoPool>},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-query-04880", Api::Khr, kNeedsNothing, query<kPastThePool>},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02494", Api::Khr, kNeedsNothing, query<kAvailable>},
+    {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02494", Api::Khr, kNeedsNothing, neverReset,
+     "NeverReset"},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-11684", Api::Khr, kNeedsNothing,
      query<kNeverBuilt>},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-buffer-03736", Api::Khr, kNeedsNothing, unbound, "", "", false,

@@ -10,6 +10,7 @@
 
 #include "shaders/tracer_comp.h"
 #include "shaders/tracer_frag.h"
+#include "shaders/tracer_mask_1.h"
 #include "shaders/tracer_rgen.h"
 
 namespace vt
@@ -94,6 +95,19 @@ void instanceIsVisible(Gpu &gpu, bool wrong)
     Scene scene(gpu, With::Micromap);
     scene.tlas.build(std::vector{instance(scene.blas, {}, 321, 0, wrong ? 0xff : 0)});
     Tracer(gpu, withMode(tracer_comp, Mode::Absent)).trace(scene.tlas, Scene::rays());
+}
+
+// The rays' cull mask excludes the instance.
+template <bool isConstant>
+void instanceIsNotCulled(Gpu &gpu, bool wrong)
+{
+    Scene scene(gpu, With::Micromap);
+    scene.tlas.build(std::vector{instance(scene.blas, {}, 321, 0, wrong ? (isConstant ? 0x3 : 0xff) : 0xfe)});
+    std::vector<Ray> rays = Scene::rays();
+    for (Ray &ray : rays)
+        ray.cullMask = 1;
+    const std::span<const uint32_t> shader = isConstant ? std::span<const uint32_t>(tracer_mask_1) : tracer_comp;
+    Tracer(gpu, withMode(shader, Mode::Absent)).trace(scene.tlas, rays);
 }
 
 void inlineModule(Gpu &gpu, bool wrong)
@@ -389,6 +403,8 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-vkCmdDispatch-micromap-11636", Api::Khr, kPlain, meetsMicromap, "Meets"},
     {"VUID-vkCmdDispatch-micromap-11636", Api::Khr, kPlain, executesQuery, "Executes"},
     {"VUID-vkCmdDispatch-micromap-11636", Api::Khr, kPlain, instanceIsVisible, "Visible"},
+    {"VUID-vkCmdDispatch-micromap-11636", Api::Khr, kPlain, instanceIsNotCulled<false>, "Culled"},
+    {"VUID-vkCmdDispatch-micromap-11636", Api::Khr, kPlain, instanceIsNotCulled<true>, "CulledByConstant"},
     {"VUID-vkCmdDispatch-micromap-11636", Api::Khr, kPlain, inlineModule, "Inline"},
     {"VUID-vkCmdDispatch-micromap-11636", Api::Khr, kPlain, secondSet, "SecondSet"},
     {"VUID-vkCmdDispatch-micromap-11636", Api::Khr, kPlain, updatedByTemplate, "Template"},

@@ -7,6 +7,7 @@
 // vertex, pixel, workgroup or launch. The stage is defined: COMPUTE, VERTEX, ... Variants by definitions:
 //   RAY_FLAGS=n   the ray flags are this constant instead of the ray's own
 //   SPEC_FLAGS    they are a specialization constant
+//   CULL_MASK=n   the cull mask is this constant instead of the ray's own
 //   BY_ADDRESS    the acceleration structure comes as a device address
 //   BUFFERS       the number of the vertex is the difference of two attributes
 //   IN_ARRAY, IN_FUNCTIONS, AGAIN, SITES, GETTERS, IN_CONDITION, CARRIED   TracePlan::Query
@@ -58,8 +59,11 @@ layout(push_constant) uniform Push
 #else
 #define SCENE scene
 #endif
+#ifndef CULL_MASK
+#define CULL_MASK ray.cullMask
+#endif
 #define INITIALIZE(query, flags)                                                                                       \
-    rayQueryInitializeEXT(query, SCENE, flags, ray.cullMask, vec3(ray.origin[0], ray.origin[1], ray.origin[2]),        \
+    rayQueryInitializeEXT(query, SCENE, flags, CULL_MASK, vec3(ray.origin[0], ray.origin[1], ray.origin[2]),           \
                           ray.tMin, vec3(ray.direction[0], ray.direction[1], ray.direction[2]), ray.tMax)
 
 // Returns whether the query's values for the ray and for a hit's instance are consistent: those that were traced, and one

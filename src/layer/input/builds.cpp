@@ -2,6 +2,7 @@
 #include "layer/input/builds.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "layer/base/pnext.h"
 
@@ -147,12 +148,23 @@ uint64_t UsageCounts::triangles() const
     return count;
 }
 
-std::vector<VkMicromapUsageEXT> UsageCounts::copy() const
+std::vector<VkMicromapUsageEXT> UsageCounts::merged() const
 {
+    const auto kindOf = [](const VkMicromapUsageEXT &usage) { return std::pair(usage.subdivisionLevel, usage.format); };
     std::vector<VkMicromapUsageEXT> usages;
     usages.reserve(size());
     for (uint32_t i = 0; i < size(); ++i)
         usages.push_back((*this)[i]);
+    std::ranges::sort(usages, {}, kindOf);
+    size_t kept = 0;
+    for (size_t i = 0; i < usages.size(); ++i) {
+        if (kept > 0 && kindOf(usages[kept - 1]) == kindOf(usages[i]) &&
+            usages[i].count <= UINT32_MAX - usages[kept - 1].count)
+            usages[kept - 1].count += usages[i].count;
+        else
+            usages[kept++] = usages[i];
+    }
+    usages.resize(kept);
     return usages;
 }
 

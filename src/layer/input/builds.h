@@ -40,7 +40,8 @@ public:
         return count_ == 0 ? 1 : uint32_t{counts_ != nullptr} + uint32_t{pointers_ != nullptr};
     }
     [[nodiscard]] uint64_t triangles() const;
-    [[nodiscard]] std::vector<VkMicromapUsageEXT> copy() const;
+    // One for each level and format, unless their sum exceeds 32 bits: an application may give one for each triangle.
+    [[nodiscard]] std::vector<VkMicromapUsageEXT> merged() const;
 
 private:
     uint32_t count_ = 0;
@@ -135,6 +136,8 @@ struct StructureBuild {
     bool accepted = true; // the layer's implementation records it
 
     [[nodiscard]] bool isUpdate() const { return given->mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR; }
+    // Instances have the layouts of VK_NV_ray_tracing_motion_blur.
+    [[nodiscard]] bool hasMotion() const { return (given->flags & VK_BUILD_ACCELERATION_STRUCTURE_MOTION_BIT_NV) != 0; }
     // The geometries determine the type of a GENERIC structure.
     [[nodiscard]] bool isTopLevel() const;
 };

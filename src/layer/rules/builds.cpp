@@ -3,6 +3,7 @@
 #include <cstring>
 #include <unordered_set>
 
+#include "layer/base/pnext.h"
 #include "layer/rules/builds.h"
 #include "layer/rules/ids.h"
 
@@ -349,18 +350,12 @@ Found smallScratch(const Build &c)
         c.ifRead(Reject));
 }
 
-// The shaders of the layer take 32 bits. Overlapping triangles are read as they are.
+// The shaders of the layer take 32 bits. Triangles may overlap, and all may be one: VK_EXT_opacity_micromap has no
+// rule.
 Found wrongStride(const Build &c)
 {
-    const bool tooLarge = c.build.triangleStride > UINT32_MAX;
-    return when(
-        c.support() && c.triangles > 1 &&
-            (tooLarge || (!c.build.khr && c.build.triangleStride < sizeof(VkMicromapTriangleEXT))),
-        [&] {
-            return std::to_string(c.build.triangleStride) +
-                   (tooLarge ? " does not fit 32 bits" : " is less than the 8 bytes of a VkMicromapTriangleEXT");
-        },
-        tooLarge ? Reject : Tolerate);
+    return when(c.support() && c.triangles > 1 && c.build.triangleStride > UINT32_MAX,
+                [&] { return std::to_string(c.build.triangleStride) + " does not fit 32 bits"; });
 }
 constexpr const char *kStrideId = "VELLUM-micromap-stride";
 
@@ -378,7 +373,7 @@ constexpr Rule<Build> kExtMemory[] = {
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07514", Depends, "scratchData", misalignedScratch},
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07511", Report, "scratchData", scratchWithoutUsage},
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07509", Depends, "scratchData", smallScratch},
-    {kStrideId, Depends, "triangleArrayStride", wrongStride},
+    {kStrideId, Reject, "triangleArrayStride", wrongStride},
 };
 constexpr Rule<Build> kExtHostMemory[] = {
     {"VUID-vkBuildMicromapsEXT-pInfos-07461", Depends, "dstMicromap", tooSmall},
@@ -386,7 +381,7 @@ constexpr Rule<Build> kExtHostMemory[] = {
      [](const Build &c) { return when(!c.target.hostVisible, "its buffer is not bound to host-visible memory"); }},
     {"VUID-vkBuildMicromapsEXT-pInfos-07553", Depends, "data", noData},
     {"VUID-vkBuildMicromapsEXT-pInfos-07554", Depends, "triangleArray", noTriangles},
-    {kStrideId, Depends, "triangleArrayStride", wrongStride},
+    {kStrideId, Reject, "triangleArrayStride", wrongStride},
 };
 constexpr Rule<Build> kKhrMemory[] = {
     {kTargetSizeId, Depends, "dstAccelerationStructure", tooSmall},
@@ -435,7 +430,7 @@ constexpr Rule<Build> kKhrMemory[] = {
          return when(c.build.triangleStride % 4 != 0,
                      [&] { return std::to_string(c.build.triangleStride) + " is not a multiple of 4"; });
      }},
-    {kStrideId, Depends, "triangleArrayStride", wrongStride},
+    {kStrideId, Reject, "triangleArrayStride", wrongStride},
 };
 
 // ------------------------------------------------------------------------------------------ flags
@@ -510,6 +505,18 @@ Found wrongTarget(const Structure &c, bool ofType)
     return when(ofType && c.target.isMicromap(), "it was created as OPACITY_MICROMAP, and something else is built");
 }
 
+// VK_AMDX_dense_geometry_format: triangles whose build has no ranges. They are in the chain of their geometry, and so
+// are the structures that extend them.
+constexpr auto kDenseGeometry = static_cast<VkGeometryTypeKHR>(1000478000);
+constexpr auto kDenseTriangles = static_cast<VkStructureType>(1000478001);
+
+bool needsRanges(const input::StructureBuild &build)
+{
+    return std::ranges::any_of(build.geometries, [](const input::Geometry &geometry) {
+        return !geometry.given || geometry.given->geometryType != kDenseGeometry;
+    });
+}
+
 constexpr Rule<Structure> kStructure[] = {
     {kTarget, Reject, "dstAccelerationStructure", [](const Structure &c) { return isUnknown(c.target, kNoStructure); }},
     // The driver does not know the handles of emulated and translated micromaps.
@@ -523,7 +530,7 @@ constexpr Rule<Structure> kStructure[] = {
      }},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543", Reject, nullptr,
      [](const Structure &c) {
-         return when(!c.build.ranges.given() && !c.build.geometries.empty(),
+         return when(!c.build.ranges.given() && needsRanges(c.build),
                      "the element of ppBuildRangeInfos is null, and the structure is not a micromap");
      }},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630", Reject, "srcAccelerationStructure",
@@ -554,10 +561,15 @@ constexpr Rule<Structure> kStructure[] = {
     {kBound, Reject, "dstAccelerationStructure", [](const Structure &c) { return isUnbound(c.target); }},
 };
 constexpr Rule<Structure> kGeometries[] = {
-    {kArrays, Reject, "pGeometries",
+    {kArrays, Depends, "pGeometries",
      [](const Structure &c) {
-         return when(std::ranges::any_of(c.build.geometries, [](const auto &geometry) { return !geometry.given; }),
-                     "geometryCount is not 0, but a geometry is a null pointer");
+         const bool isNull =
+             std::ranges::any_of(c.build.geometries, [](const auto &geometry) { return !geometry.given; });
+         const bool both = !c.build.geometries.empty() && c.build.given->pGeometries && c.build.given->ppGeometries;
+         return when(isNull || both,
+                     isNull ? "geometryCount is not 0, but a geometry is a null pointer"
+                            : "pGeometries and ppGeometries are both given",
+                     isNull ? Reject : Report);
      }},
     // The driver does not know this type.
     {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11707", Reject, "pGeometries",
@@ -661,7 +673,8 @@ Found wrongHostCounts(const Attached &c)
 {
     const uint32_t bytes = c.indexBytes();
     const auto *indices = static_cast<const char *>(c.attachment.indexBuffer.hostAddress);
-    if (c.attachment.khr || !c.ranges.given() || (c.indexed() && (bytes == 0 || !indices)))
+    if (c.attachment.khr || !c.ranges.given() ||
+        (c.indexed() && (bytes == 0 || !indices || c.attachment.indexStride > UINT32_MAX)))
         return {};
     uint64_t triangles = c.attachment.micromap ? c.ranges.primitives(c.geometry) : 0;
     for (uint64_t t = triangles; c.indexed() && t-- > 0;)
@@ -670,7 +683,8 @@ Found wrongHostCounts(const Attached &c)
     return wrongCounts(c, triangles, triangles);
 }
 
-constexpr Rule<Attached> kExtAttachment[] = {
+// Rules of the structure, on the device and on the host.
+constexpr Rule<Attached> kExtStructure[] = {
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-indexType-10719", Report, "indexType", wrongIndexType},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-indexType-10722", Report, "indexStride",
      wrongIndexStride},
@@ -680,6 +694,8 @@ constexpr Rule<Attached> kExtAttachment[] = {
      [](const Attached &c) {
          return when(c.attachment.usages.arrays() > 1, "both pUsageCounts and ppUsageCounts are given");
      }},
+};
+constexpr Rule<Attached> kExtAttachment[] = {
     {ids::kAttachedCounts, Report, "pUsageCounts", wrongDeviceCounts},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-micromap-parameter", Reject, "micromap", noMicromap},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10904", Report, "indexBuffer", unneededIndices},
@@ -750,11 +766,13 @@ struct Chain {
 template <Extended extended>
 Found misplaced(const Chain &c)
 {
+    const bool hasTriangles =
+        extended == Extended::Triangles || (extended == Extended::Geometry && findInChain(c.first, kDenseTriangles));
     for (const auto *s = static_cast<const VkBaseInStructure *>(c.first); s; s = s->pNext) {
         const auto *found = std::ranges::find(kExtending, s->sType, &Extending::type);
         if (found == std::end(kExtending))
             continue;
-        if (found->extended != extended)
+        if (found->extended == Extended::Triangles ? !hasTriangles : found->extended != extended)
             return {nameOf(s->sType) + " is in the chain; it extends " +
                     (found->extended == Extended::Triangles ? "VkAccelerationStructureGeometryTrianglesDataKHR"
                                                             : "VkAccelerationStructureGeometryKHR")};
@@ -834,17 +852,29 @@ void checkChains(const InputCheck &check, const input::MicromapBuild &build)
     checkChains(check, 0, build.geometry);
 }
 
-Verdict checkAttachment(const InputCheck &check, const Attached &c)
+// An attachment of VK_EXT_opacity_micromap. `rules`: of the command.
+Verdict checkExtAttachment(const InputCheck &check, const Attached &c, std::span<const Rule<Attached>> rules)
 {
-    if (c.attachment.khr)
-        return check.check<Attached>(kKhrAttachment, c);
-    if (!check.device().validating)
-        return {}; // only validation knows whether the micromap exists
-    Verdict verdict = check.check<Attached>(kExtAttachment, c);
+    Verdict verdict = check.check<Attached>(kExtStructure, c);
+    verdict &= check.check<Attached>(rules, c);
     if (c.attachment.micromap)
         verdict &=
             checkUsages(check, kAttachedUsages, c.attachment.usages, false, std::nullopt, check.device().extLimits);
     return verdict;
+}
+
+Verdict checkAttachment(const InputCheck &check, const Attached &c)
+{
+    if (c.attachment.khr)
+        return check.check<Attached>(kKhrAttachment, c);
+    // Only validation knows whether the micromap exists.
+    return check.device().validating ? checkExtAttachment(check, c, kExtAttachment) : Verdict{};
+}
+
+Verdict checkHostAttachment(const InputCheck &check, const Attached &c)
+{
+    const bool ext = !c.attachment.khr && check.device().validating;
+    return ext ? checkExtAttachment(check, c, kHostAttachment) : check.check<Attached>(kHostAttachment, c);
 }
 
 // Calls checkOne(check, attached) for each geometry with a micromap, until one is not accepted. `objects`: null on the
@@ -988,9 +1018,7 @@ void checkHostBuilds(const RuleDevice &device, const Place &command, input::Buil
         const InputCheck check(device, place, build.given->dstAccelerationStructure);
         Verdict verdict = check.check<Structure>(kGeometries, {build, device});
         checkChains(check, build);
-        verdict &= checkAttachments(check, build, nullptr, [](const InputCheck &part, const Attached &c) {
-            return part.check<Attached>(kHostAttachment, c);
-        });
+        verdict &= checkAttachments(check, build, nullptr, checkHostAttachment);
         build.accepted = verdict.accepted;
     }
 }

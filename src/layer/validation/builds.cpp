@@ -16,7 +16,7 @@ std::shared_ptr<const StructureContents> contentsOf(const input::MicromapBuild &
     auto contents = std::make_shared<StructureContents>();
     contents->type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
     contents->flags = build.flags;
-    contents->usages = build.usages.copy();
+    contents->usages = build.usages.merged();
     contents->triangles = build.usages.triangles();
     contents->discardable = build.needs.discardable;
     return contents;
@@ -40,7 +40,7 @@ std::shared_ptr<StructureContents> contentsOf(const DeviceModel &device, const i
             part.hasMicromap = true;
             part.khr = attachment->khr;
             part.micromapHandle = attachment->micromap;
-            part.usages = attachment->usages.copy();
+            part.usages = attachment->usages.merged();
             if (const auto micromap = device.objects.structureOf(attachment->micromap)) {
                 part.micromap = micromap;
                 part.micromapNumber = micromap->number;

@@ -15,6 +15,9 @@ namespace
 using State = ValidatedQueryPool::State;
 using Pool = std::shared_ptr<ValidatedQueryPool>;
 
+// VK_QUERY_POOL_CREATE_RESET_BIT_KHR of VK_KHR_maintenance9: queries need no reset before their first use.
+constexpr VkQueryPoolCreateFlags kResetAtCreation = 1;
+
 // Rules of the queries and of what is queried, when a command is executed.
 struct QueryIds {
     const char *unavailable;
@@ -143,7 +146,8 @@ VkResult createQueryPool(DeviceValidation &device, VkDevice handle, const VkQuer
         pool->handle = {VK_OBJECT_TYPE_QUERY_POOL, uint64_t(*result)};
         pool->number = ++device.numbers;
         pool->type = info->queryType;
-        pool->states.assign(info->queryCount, State::Unknown);
+        pool->states.assign(info->queryCount,
+                            (info->flags & kResetAtCreation) != 0 ? State::Unavailable : State::Unknown);
         device.objects.queryPools.set(*result, std::move(pool));
     });
     return created;

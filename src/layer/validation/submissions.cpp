@@ -341,12 +341,14 @@ VkResult signalSemaphore(DeviceValidation &device, VkDevice handle, const VkSema
     return result;
 }
 
-// Results and events also show that commands are complete; of which queue is not known.
+// Results and events also show that commands are complete; of which queue is not known. With availability, some of the
+// results may be there although not all are.
 VkResult getQueryPoolResults(DeviceValidation &device, VkDevice handle, VkQueryPool pool, uint32_t first,
                              uint32_t count, size_t size, void *data, VkDeviceSize stride, VkQueryResultFlags flags)
 {
     const VkResult result = device.next.GetQueryPoolResults(handle, pool, first, count, size, data, stride, flags);
-    if (succeeded(device, result))
+    const bool someMayBe = result == VK_NOT_READY && (flags & VK_QUERY_RESULT_WITH_AVAILABILITY_BIT) != 0;
+    if (succeeded(device, result) || someMayBe)
         allIdle(device);
     return result;
 }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Writes the references of the instances (VkAccelerationStructureInstanceKHR) of a build; 0 for those that no ray can meet.
+// Writes the references of the instances (VkAccelerationStructureInstanceKHR) of a build, 0 for those that no ray can
+// meet, and their masks.
 #include "push.h"
 #include "base/memory.glsl"
 
@@ -22,7 +23,9 @@ void main()
     if (push.pointers != 0u)
         source = uvec2(Words(source).w[0], Words(source).w[1]);
     Words instance = Words(source);
-    const bool visible = (instance.w[12] >> 24) != 0u; // mask
+    const uint mask = instance.w[12] >> 24;
+    const bool visible = mask != 0u;
+    CoherentWords(elementAddress(push.target, 2u + 2u * push.count + i, 4u)).w[0] = mask;
     CoherentWords target = CoherentWords(elementAddress(push.target, i + 1u, 8u));
     target.w[0] = visible ? instance.w[14] : 0u;
     target.w[1] = visible ? instance.w[15] : 0u;

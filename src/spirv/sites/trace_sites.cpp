@@ -16,7 +16,7 @@ namespace vellum::spirv
 namespace
 {
 
-// The operand of an instruction that traces rays; 0 for others.
+// The operand of an instruction that traces rays; 0 for others. Ray flags and the cull mask follow it.
 uint32_t structureOperand(Instruction in)
 {
     if (in.opcode == spv::OpRayQueryInitializeKHR)
@@ -91,9 +91,14 @@ std::vector<TraceSite> traceSites(std::span<const uint32_t> words, const StageNa
     const Types types(*module);
     std::vector<TraceSite> sites;
     visitSites(*module, stage, [&](Instruction in, bool isSite) {
-        if (isSite)
-            sites.push_back({in.opcode == spv::OpRayQueryInitializeKHR,
-                             bindingOf(*module, types, module->word(in, structureOperand(in)))});
+        if (!isSite)
+            return;
+        const uint32_t structure = structureOperand(in);
+        TraceSite &site = sites.emplace_back();
+        site.query = in.opcode == spv::OpRayQueryInitializeKHR;
+        site.binding = bindingOf(*module, types, module->word(in, structure));
+        if (const auto mask = types.valueOf(module->word(in, structure + 2)))
+            site.cullMask = *mask & 0xff;
     });
     return sites;
 }

@@ -23,6 +23,7 @@ struct StructureBinding {
 struct TraceSite {
     bool query = false;                      // OpRayQueryInitializeKHR; otherwise a ray of a pipeline
     std::optional<StructureBinding> binding; // nothing: by an address, or in another way that is not followed
+    std::optional<uint32_t> cullMask{};      // 8 bits; nothing: it is computed
     bool operator==(const TraceSite &) const = default;
 };
 

@@ -163,7 +163,7 @@ void GpuBuildChecks::add(const input::StructureBuild &build)
         const input::Geometry &geometry = build.geometries[g];
         if (build.ranges.primitives(g) == 0)
             continue;
-        if (geometry.isInstances())
+        if (geometry.isInstances() && !build.hasMotion()) // the shader reads VkAccelerationStructureInstanceKHR only
             addInstances(build, g, geometry.given->geometry.instances);
         else if (geometry.attachment)
             addIndices(build, g, *geometry.attachment);
@@ -290,7 +290,7 @@ void checkHostBuild(GpuChecks &gpu, const input::MicromapBuild &build)
     if (target->record)
         device.records.set(*target->record, {kRecordMicromap, build.flags, count});
     const auto *triangles = static_cast<const char *>(build.triangles.hostAddress);
-    if (!triangles || !build.data.hostAddress)
+    if (!build.accepted || !triangles || !build.data.hostAddress)
         return;
     Finding finding{
         0, siteOf(SiteCommand::BuildMicromapsOnHost, build.element), kNoGeometry, 0, 0, 0, build.target.handle};

@@ -62,7 +62,7 @@ private:
     MemoryPool::Piece piece_;
 };
 
-// The references of the instances of a top-level structure.
+// The references and masks of the instances of a top-level structure.
 struct CapturedInstances {
     uint32_t count = 0;
     std::shared_ptr<Capture> memory;
@@ -73,6 +73,12 @@ struct CapturedInstances {
             return {};
         return std::span(reinterpret_cast<const VkDeviceAddress *>(memory->words() + Capture::kCountWords), count);
     }
+    // The masks, where the references are known.
+    [[nodiscard]] std::span<const uint32_t> masks() const
+    {
+        return {memory->words() + Capture::kCountWords + 2 * size_t{count}, count};
+    }
+    static constexpr size_t kWords = 3; // of an instance
 };
 
 // The triangles with that level and format.

@@ -71,17 +71,6 @@ VkDeviceSize scratchOf(const input::StructureBuild &build, const VkAccelerationS
     return build.isUpdate() ? sizes.updateScratchSize : sizes.buildScratchSize;
 }
 
-void checkScratchSize(const RuleCheck &check, const input::StructureBuild &build,
-                      const VkAccelerationStructureBuildSizesInfoKHR &sizes)
-{
-    const VkDeviceAddress scratch = build.given->scratchData.deviceAddress;
-    const VkDeviceSize needed = scratchOf(build, sizes);
-    const VkDeviceSize available = check.model().buffers.addresses.bytesFrom(scratch);
-    if (needed > 0 && scratch != 0 && available < needed)
-        check.report(build.isUpdate() ? "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12259" : rules::kScratchSizeId,
-                     "scratchData", rules::tooFewBytes(available, needed));
-}
-
 // For the target of an update, which may be compacted, only the first byte.
 BuildMemory memoryOf(const DeviceModel &device, const input::StructureBuild &build,
                      const VkAccelerationStructureBuildSizesInfoKHR &sizes)
@@ -90,6 +79,11 @@ BuildMemory memoryOf(const DeviceModel &device, const input::StructureBuild &bui
     return {build.element, target,
             memoryOf(device.objects.structureOf(target).get(), build.isUpdate() ? 1 : sizes.accelerationStructureSize),
             memoryAt(device, build.given->scratchData.deviceAddress, scratchOf(build, sizes))};
+}
+
+std::pair<VkDeviceMemory, VkDeviceSize> placeOf(const MemoryRange &range)
+{
+    return {range.memory, range.begin};
 }
 
 void checkOverlaps(const RuleCheck &command, std::span<const BuildMemory> builds, const OverlapIds &ids)
@@ -106,47 +100,55 @@ void checkOverlaps(const RuleCheck &command, std::span<const BuildMemory> builds
         if (builds[i].scratchRange.memory)
             pieces.push_back({builds[i].scratchRange, i, true});
     }
-    std::ranges::sort(pieces, [](const Piece &a, const Piece &b) {
-        return std::tie(a.range.memory, a.range.begin, a.build) < std::tie(b.range.memory, b.range.begin, b.build);
-    });
-    for (size_t p = 0; p < pieces.size(); ++p) {
-        for (size_t q = p + 1; q < pieces.size() && pieces[p].range.overlaps(pieces[q].range); ++q) {
-            const Piece &one = pieces[p].build > pieces[q].build ? pieces[p] : pieces[q];
-            const Piece &other = pieces[p].build > pieces[q].build ? pieces[q] : pieces[p];
-            const bool bothTargets = !one.scratch && !other.scratch;
-            const bool same = bothTargets && builds[one.build].target.handle == builds[other.build].target.handle;
-            const char *id = same && ids.sameTarget         ? ids.sameTarget
-                             : bothTargets                  ? ids.targets
-                             : one.scratch && other.scratch ? ids.scratches
-                                                            : ids.targetAndScratch;
-            const Place place = command.place().element("pInfos", builds[one.build].element);
-            command.at(place).report(id, nullptr,
-                                     std::string(one.scratch ? "scratchData" : "the target") + " overlaps in memory " +
-                                         (other.scratch ? "scratchData" : "the target") + " of pInfos[" +
-                                         std::to_string(builds[other.build].element) + "]");
-        }
+    std::ranges::sort(pieces, {}, [](const Piece &piece) { return std::pair(placeOf(piece.range), piece.build); });
+    const auto reportOverlap = [&](const Piece &a, const Piece &b) {
+        const Piece &one = a.build > b.build ? a : b;
+        const Piece &other = a.build > b.build ? b : a;
+        const bool bothTargets = !one.scratch && !other.scratch;
+        const bool same = bothTargets && builds[one.build].target.handle == builds[other.build].target.handle;
+        const char *id = same && ids.sameTarget         ? ids.sameTarget
+                         : bothTargets                  ? ids.targets
+                         : one.scratch && other.scratch ? ids.scratches
+                                                        : ids.targetAndScratch;
+        const Place place = command.place().element("pInfos", builds[one.build].element);
+        command.at(place).report(id, nullptr,
+                                 std::string(one.scratch ? "scratchData" : "the target") + " overlaps in memory " +
+                                     (other.scratch ? "scratchData" : "the target") + " of pInfos[" +
+                                     std::to_string(builds[other.build].element) + "]");
+    };
+    // One report for each piece at most: all builds of a wrong program may share their scratch memory.
+    const Piece *furthest = nullptr; // of those that begin before, the one with the furthest end
+    for (const Piece &piece : pieces) {
+        const bool isBehind = !furthest || !piece.range.overlaps(furthest->range);
+        if (!isBehind)
+            reportOverlap(*furthest, piece);
+        if (isBehind || piece.range.end > furthest->range.end)
+            furthest = &piece;
     }
 }
 
-// Micromaps that geometries attach, against the targets of the other builds.
+// Micromaps that geometries attach, against the targets of the other builds. `targets`: in the order of memory.
 void checkAttachedMemory(const RuleCheck &command, const input::StructureBuild &build,
-                         std::span<const BuildMemory> builds)
+                         std::span<const BuildMemory> targets)
 {
     for (uint32_t g = 0; g < build.geometries.size(); ++g) {
         const auto &attachment = build.geometries[g].attachment;
         if (!attachment || !attachment->khr || !attachment->micromap)
             continue;
         const MemoryRange memory = memoryOf(command.model().objects.structureOf(attachment->micromap).get(), 1);
-        for (const BuildMemory &other : builds) {
-            const bool same = other.target.handle == attachment->micromap.handle; // another rule
-            if (other.element == build.element || same || !memory.overlaps(other.targetRange))
-                continue;
-            const Place place = command.place().element("pInfos", other.element);
-            command.at(place).report("VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11549",
-                                     "dstAccelerationStructure",
-                                     "it overlaps in memory the micromap of pInfos[" + std::to_string(build.element) +
-                                         "].pGeometries[" + std::to_string(g) + "]");
-        }
+        const auto after = std::ranges::upper_bound(
+            targets, placeOf(memory), {}, [](const BuildMemory &other) { return placeOf(other.targetRange); });
+        if (after == targets.begin())
+            continue;
+        const BuildMemory &other = *std::prev(after);
+        const bool same = other.target.handle == attachment->micromap.handle; // another rule
+        if (other.element == build.element || same || !memory.overlaps(other.targetRange))
+            continue;
+        const Place place = command.place().element("pInfos", other.element);
+        command.at(place).report("VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11549",
+                                 "dstAccelerationStructure",
+                                 "it overlaps in memory the micromap of pInfos[" + std::to_string(build.element) +
+                                     "].pGeometries[" + std::to_string(g) + "]");
     }
 }
 
@@ -207,8 +209,6 @@ std::vector<Accessed> addressesOf(const input::StructureBuild &build)
     for (uint32_t g = 0; g < build.geometries.size(); ++g)
         if (build.geometries[g].given && build.ranges.primitives(g) > 0)
             addAddresses(accessed, build.geometries[g], g);
-    if (const VkDeviceAddress scratch = build.given->scratchData.deviceAddress; scratch != 0)
-        accessed.push_back({build.isUpdate() ? &kUpdateScratch : &kBuildScratch, scratch});
     return accessed;
 }
 
@@ -278,6 +278,30 @@ bool checkAddresses(const RuleCheck &check, const input::StructureBuild &build)
     return valid;
 }
 
+// Checks the scratch memory of a build with these sizes. Returns whether it can be recorded.
+bool checkScratch(const RuleCheck &check, const input::StructureBuild &build,
+                  const VkAccelerationStructureBuildSizesInfoKHR &sizes)
+{
+    const DeviceModel &model = check.model();
+    const VkDeviceSize needed = scratchOf(build, sizes);
+    if (needed == 0)
+        return true; // the address is not used, and may be any
+    const Accessed scratch{build.isUpdate() ? &kUpdateScratch : &kBuildScratch, build.given->scratchData.deviceAddress};
+    if (const Found found = isInvalid(model.rules, scratch.address, Severity::Reject)) {
+        check.report(scratch.member->vuid, scratch.member->name, found.text);
+        return false;
+    }
+    checkWhenExecuted(check, build.element, {&scratch, 1});
+    if (lacksUsage(model.rules, scratch.address, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT))
+        check.report(scratch.member->vuid, scratch.member->name,
+                     "its buffer was created without VK_BUFFER_USAGE_STORAGE_BUFFER_BIT");
+    const VkDeviceSize available = model.buffers.addresses.bytesFrom(scratch.address);
+    if (build.ranges.direct && available < needed)
+        check.report(build.isUpdate() ? "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12259" : rules::kScratchSizeId,
+                     scratch.member->name, rules::tooFewBytes(available, needed));
+    return true;
+}
+
 void checkAddresses(const RuleCheck &check, const input::MicromapBuild &build)
 {
     if (build.host || build.usages.triangles() == 0)
@@ -310,7 +334,7 @@ void checkUsages(const RuleCheck &check, const input::Attachment &attachment,
 {
     if (attachment.khr || attachment.usages.size() == 0)
         return;
-    check.whenExecuted(rules::ids::kAttachedCounts, [micromap, usages = attachment.usages.copy()]() -> std::string {
+    check.whenExecuted(rules::ids::kAttachedCounts, [micromap, usages = attachment.usages.merged()]() -> std::string {
         const auto contents = micromap->contents;
         if (!contents || contents->deserialized)
             return {};
@@ -499,7 +523,7 @@ void checkUpdate(const RuleCheck &check, const input::StructureBuild &build)
         UpdatedGeometry now;
         if (geometry.attachment)
             now = {true, geometry.attachment->khr, check.model().objects.structureOf(geometry.attachment->micromap),
-                   geometry.attachment->micromap, geometry.attachment->usages.copy()};
+                   geometry.attachment->micromap, geometry.attachment->usages.merged()};
         const Place place = check.place().element("pGeometries", g);
         checkGeometryUpdate(check.at(place), source, g, now);
     }
@@ -553,19 +577,21 @@ void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildComman
     std::vector<BuildMemory> memory;
     for (const input::MicromapBuild &build : builds.micromaps)
         memory.push_back(memoryOf(device, build));
-    for (const input::StructureBuild &build : builds.structures) {
+    for (input::StructureBuild &build : builds.structures) {
         if (!build.accepted) // nothing is known of a build with a mistake
             continue;
         const Place element = place.element("pInfos", build.element);
+        const RuleCheck check(device, element, build.given->dstAccelerationStructure, commandBuffer);
         const VkAccelerationStructureBuildSizesInfoKHR sizes = sizesOf(device, build);
-        if (build.ranges.direct)
-            checkScratchSize({device, element, build.given->dstAccelerationStructure, commandBuffer}, build, sizes);
-        memory.push_back(memoryOf(device, build, sizes));
+        build.accepted = checkScratch(check, build, sizes);
+        if (build.accepted)
+            memory.push_back(memoryOf(device, build, sizes));
     }
-    std::ranges::sort(memory, {}, &BuildMemory::element);
     const RuleCheck check(device, place, commandBuffer, commandBuffer);
+    std::ranges::sort(memory, {}, [](const BuildMemory &build) { return placeOf(build.targetRange); });
     for (const input::StructureBuild &build : builds.structures)
         checkAttachedMemory(check, build, memory);
+    std::ranges::sort(memory, {}, &BuildMemory::element);
     checkOverlaps(check, memory,
                   command == BuildCommand::Micromaps       ? kMicromaps
                   : command == BuildCommand::HostMicromaps ? kHostMicromaps

@@ -25,6 +25,12 @@ std::optional<uint32_t> rulesBroken(const GeometryContents &geometry)
     return mixed ? std::optional(micromap | (*mixed ? kRuleMixed : 0)) : std::nullopt;
 }
 
+// Returns whether rays meet instances with the mask. A cull mask that is computed has any bits, but is not 0.
+bool meets(const TraceUse &use, uint32_t mask)
+{
+    return use.cullMask ? (mask & *use.cullMask) != 0 : mask == 0xff;
+}
+
 std::optional<BrokenRules> brokenBy(const DeviceModel &device, const TraceUse &use)
 {
     BrokenRules broken;
@@ -33,7 +39,9 @@ std::optional<BrokenRules> brokenBy(const DeviceModel &device, const TraceUse &u
     const auto references = use.contents->instances.references();
     if (!references)
         return {};
-    for (const VkDeviceAddress reference : *references) {
+    const std::span<const uint32_t> masks = use.contents->instances.masks();
+    for (size_t i = 0; i < references->size(); ++i) {
+        const VkDeviceAddress reference = meets(use, masks[i]) ? (*references)[i] : 0;
         const auto structure = reference != 0 ? device.objects.byReference.at(reference) : nullptr;
         const auto contents = structure ? structure->contents : nullptr;
         if (!contents || structure->since > use.number)
@@ -487,7 +495,8 @@ CapturedInstances captureInstances(DeviceModel &device, VkCommandBuffer commandB
     const VkDeviceSize bytes = input::instanceStride(instances);
     if (!bufferAt(device, source) || count > device.buffers.addresses.elementsFrom(source, bytes, bytes))
         return {}; // outside of buffers, which other rules are about
-    auto memory = Capture::make(device.captureMemory, Capture::kCountWords + size_t{count} * 2, Capture::kCountWords);
+    auto memory = Capture::make(device.captureMemory, Capture::kCountWords + size_t{count} * CapturedInstances::kWords,
+                                Capture::kCountWords);
     if (!memory)
         return {};
     if (count != 0) {
@@ -575,6 +584,7 @@ void runTracing(DeviceTraces &traces, VkCommandBuffer commandBuffer, VkPipelineB
                                                {.command = command,
                                                 .code = code->handle,
                                                 .shaderObject = code->shaderObject,
+                                                .cullMask = site.cullMask,
                                                 .structure = {},
                                                 .contents = {}});
                                    });
@@ -592,7 +602,7 @@ void captureContents(DeviceModel &device, VkCommandBuffer commandBuffer, const i
         return;
     for (uint32_t g = 0; g < contents.geometries.size(); ++g) {
         const input::Geometry &geometry = build.geometries[g];
-        if (geometry.isInstances())
+        if (geometry.isInstances() && !build.hasMotion()) // as in the check of instances
             contents.instances = captureInstances(device, commandBuffer, geometry.given->geometry.instances, ranges[g]);
         else if (geometry.attachment)
             contents.geometries[g].indices =

@@ -56,6 +56,7 @@ private:
 struct TracingSite {
     std::shared_ptr<const TraceMark> mark; // a library's mark is also that of pipelines made of it; null: no mark
     spirv::StructureBinding binding;
+    std::optional<uint32_t> cullMask; // as of spirv::TraceSite
 };
 
 // The code of a pipeline or shader object, as far as rules are about it.
@@ -70,6 +71,7 @@ struct TraceUse {
     const char *command = nullptr;
     ObjectHandle code; // a pipeline or shader object
     bool shaderObject = false;
+    std::optional<uint32_t> cullMask;                  // of the rays; nothing: it is computed
     std::shared_ptr<ValidatedStructure> structure;     // null: unknown
     std::shared_ptr<const StructureContents> contents; // at that time; null: unknown
     uint64_t number = 0;                               // DeviceModel::numbers at that time

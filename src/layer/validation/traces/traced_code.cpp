@@ -103,7 +103,7 @@ TracedStage tracedStage(DeviceTraces &traces, const Stage &stage)
         if (mark)
             marks.back() = mark->index();
         any = any || mark;
-        traced.sites.push_back({mark, *site.binding});
+        traced.sites.push_back({mark, *site.binding, site.cullMask});
     }
     if (any)
         traced.words = spirv::markTraces(stage.words, name, traces.marks.address(), marks);
