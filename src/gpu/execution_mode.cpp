@@ -179,6 +179,15 @@ std::vector<uint32_t> withMicromapFlag(std::span<const uint32_t> words)
     return out;
 }
 
+std::vector<uint32_t> withPrimitiveCulling(std::span<const uint32_t> words)
+{
+    constexpr uint32_t kPrimitiveCulling = 4478; // RayTraversalPrimitiveCullingKHR
+    std::vector<uint32_t> out(words.begin(), words.begin() + kHeader);
+    put(out, kCapability, {kPrimitiveCulling});
+    out.insert(out.end(), words.begin() + kHeader, words.end());
+    return out;
+}
+
 std::vector<uint32_t> withLiteral(std::span<const uint32_t> words, uint32_t specId, uint32_t value)
 {
     std::vector<uint32_t> out(words.begin(), words.begin() + kHeader);

@@ -31,6 +31,9 @@ std::vector<uint32_t> withModeWhereNeeded(std::span<const uint32_t> words);
 // only set at run time.
 std::vector<uint32_t> withMicromapFlag(std::span<const uint32_t> words);
 
+// Adds the capability RayTraversalPrimitiveCullingKHR, which the ray flags SkipTrianglesKHR and SkipAABBsKHR need.
+std::vector<uint32_t> withPrimitiveCulling(std::span<const uint32_t> words);
+
 // The 32-bit specialization constant with that id is an ordinary constant of that value.
 std::vector<uint32_t> withLiteral(std::span<const uint32_t> words, uint32_t specId, uint32_t value);
 

@@ -14,6 +14,7 @@ namespace vellum::gpu
 {
 
 inline constexpr uint32_t kUnknownResult = 0xffffffff; // neither closest-hit nor miss shader ran
+inline constexpr uint32_t kDecoyVisit = 0x100000;      // that the decoy of an intersection shader adds to visitCount
 inline constexpr uint32_t kHitKindFront = 0xfe;
 inline constexpr uint32_t kHitKindBack = 0xff;
 

@@ -90,19 +90,6 @@ uint32_t bytesOf(VkIndexType type)
     return type == VK_INDEX_TYPE_UINT32 ? 4 : type == VK_INDEX_TYPE_UINT8_EXT ? 1 : 2;
 }
 
-// Packs indices the way an application would, with the gaps of the stride left as garbage.
-std::vector<uint8_t> packIndices(const Attachment &attachment, VkDeviceSize stride)
-{
-    const VkDeviceSize last = bytesOf(attachment.indexType);
-    const size_t count = attachment.indices.size();
-    std::vector<uint8_t> packed(attachment.indexOffset + stride * (std::max<size_t>(count, 1) - 1) + last, kGarbage);
-    for (size_t i = 0; i < (stride == 0 ? std::min<size_t>(count, 1) : count); ++i) {
-        const auto value = static_cast<uint32_t>(attachment.indices[i]);
-        std::memcpy(packed.data() + attachment.indexOffset + i * stride, &value, last);
-    }
-    return packed;
-}
-
 // The address of a structure, and of a micromap of VK_KHR_opacity_micromap. "If the acceleration structure was created
 // with vkCreateAccelerationStructure2KHR, the return value will be the same address as addressRange.address"; "The
 // returned address must be aligned to 256 bytes" (vkGetAccelerationStructureDeviceAddressKHR). created: that address,
@@ -121,6 +108,18 @@ VkDeviceAddress addressOf(Device &gpu, VkAccelerationStructureKHR structure, VkD
 }
 
 } // namespace
+
+std::vector<uint8_t> packIndices(const Attachment &attachment, VkDeviceSize stride)
+{
+    const VkDeviceSize one = bytesOf(attachment.indexType);
+    const size_t count = attachment.indices.size();
+    std::vector<uint8_t> packed(attachment.indexOffset + std::max(stride * count, one), kGarbage);
+    for (size_t i = 0; i < (stride == 0 ? std::min<size_t>(count, 1) : count); ++i) {
+        const auto value = static_cast<uint32_t>(attachment.indices[i]);
+        std::memcpy(packed.data() + attachment.indexOffset + i * stride, &value, one);
+    }
+    return packed;
+}
 
 uint32_t MicromapInput::add(uint32_t level, uint16_t format, std::span<const uint8_t> states)
 {
@@ -249,10 +248,13 @@ Micromap::Micromap(Device &gpu, const Micromap &like, VkDeviceSize size)
 void Micromap::create(VkDeviceSize size)
 {
     storage_ = Guarded(gpu_, size, 256, micromapStorageUsage(gpu_));
-    handle_ = createMicromap(gpu_, storage_.buffer(), storage_.address() - storage_.offset(), storage_.offset(),
-                             storage_.handleSize(),
-                             storage_.handleSize() != size ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR
-                                                           : VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
+    // A clone of a VkMicromapEXT "must have been created with the same parameters" (VkCopyMicromapModeEXT), its size
+    // among them.
+    const VkDeviceSize handleSize = gpu_.khr() ? storage_.handleSize() : size;
+    handle_ =
+        createMicromap(gpu_, storage_.buffer(), storage_.address() - storage_.offset(), storage_.offset(), handleSize,
+                       handleSize != size ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR
+                                          : VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
     if (handle_.khr != VK_NULL_HANDLE)
         addressOf(gpu_, handle_.khr, storage_.address());
     gpu_.keepPrivateData(handle_.objectType(), handle_.object());
@@ -648,8 +650,9 @@ void Tlas::prepare(std::span<const VkAccelerationStructureInstanceKHR> instances
     range.primitiveCount = static_cast<uint32_t>(instances.size());
     range.primitiveOffset = skipped * static_cast<uint32_t>(sizeof(VkAccelerationStructureInstanceKHR));
     if (arrangement == Arrangement::Pointers) {
-        // Backwards in memory, so that array and pointers cannot be mistaken for each other.
-        std::vector<VkDeviceAddress> addresses(skipped, 0x5a5a5a5a5a5a5a50u);
+        // Backwards in memory, so that array and pointers cannot be mistaken for each other. Two pointers for each
+        // skipped one: VUID-VkAccelerationStructureBuildRangeInfoKHR-primitiveOffset-03660 demands multiples of 16.
+        std::vector<VkDeviceAddress> addresses(2 * size_t{skipped}, 0x5a5a5a5a5a5a5a50u);
         std::vector<VkAccelerationStructureInstanceKHR> reversed(instances.rbegin(), instances.rend());
         instances_ = uploadInput(reversed.data(), reversed.size() * sizeof(reversed[0]), 16);
         for (size_t i = 0; i < instances.size(); ++i)
@@ -658,7 +661,7 @@ void Tlas::prepare(std::span<const VkAccelerationStructureInstanceKHR> instances
         pointers_ = uploadInput(addresses.data(), addresses.size() * sizeof(VkDeviceAddress), 8);
         data.arrayOfPointers = VK_TRUE;
         data.data.deviceAddress = pointers_->address();
-        range.primitiveOffset = skipped * static_cast<uint32_t>(sizeof(VkDeviceAddress));
+        range.primitiveOffset = 2 * skipped * static_cast<uint32_t>(sizeof(VkDeviceAddress));
     }
     geometries_ = {geometry};
     ranges_ = {range};

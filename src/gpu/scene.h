@@ -125,6 +125,10 @@ struct Attachment {
     uint32_t usageForm = 0; // bits of UsageForm
 };
 
+// Packs indices the way an application would, with the gaps of the stride left as garbage. The last one has its whole
+// stride: VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11577.
+std::vector<uint8_t> packIndices(const Attachment &attachment, VkDeviceSize stride);
+
 struct Geometry {
     std::vector<Vec3> vertices;
     std::vector<uint32_t> indices;

@@ -402,4 +402,13 @@ TEST(ShrinkingLimits, ReportsHowOftenACaseFails)
     EXPECT_TRUE(usesFineTwoStates(shrunk.smallest));
 }
 
+// Runs that follow the attempts count as well: a slow device's cases would take longer than a hang may.
+TEST(Shrink, TakesNoMoreTimeOnSlowDevices)
+{
+    EXPECT_GT(secondsForAttempts(20, 0.05), 19);
+    EXPECT_LE(secondsForAttempts(20, 2) + 6 * 2, 20);
+    EXPECT_LE(secondsForAttempts(20, 5), 0);
+    EXPECT_LE(secondsForAttempts(0, 0), 0); // vellum check --replay
+}
+
 } // namespace

@@ -174,10 +174,17 @@ void BuiltCase::checkDiscarded(const std::string &what)
 void BuiltCase::execute(const std::string &what, const Writes &writes, const Record &record, bool repeatable)
 {
     Watch watch(gpu_);
-    gpu_.submit([&](VkCommandBuffer commands) { recordDiscarding(commands, record); },
-                {.secondary = case_.build.secondary,
-                 .times = case_.build.twice && repeatable ? 2u : 1u,
-                 .rerecorded = case_.build.rerecorded && repeatable});
+    gpu_.submit(
+        [&](VkCommandBuffer commands) {
+            barrier(commands); // after submissions before, which may have been to other queues
+            recordDiscarding(commands, record);
+            // "Signaling a fence and waiting on the host does not guarantee that the results of memory accesses will be
+            // visible to the host" (Waiting for Fences)
+            barrier(commands);
+        },
+        {.secondary = case_.build.secondary,
+         .times = case_.build.twice && repeatable ? 2u : 1u,
+         .rerecorded = case_.build.rerecorded && repeatable});
     watch.expectOnlyChanged(writes, what);
     checkDiscarded(what);
 }
@@ -203,6 +210,7 @@ void BuiltCase::runOnThreads(const Work &work)
         try {
             recordings[t] = std::make_unique<Recording>(gpu_);
             SharedScratch scratch(gpu_);
+            barrier(recordings[t]->commands());
             for (size_t i = t; i < work.count; i += count) {
                 const VkCommandBuffer commands = recordings[t]->commands();
                 recordDiscarding(commands, [&](VkCommandBuffer to) {

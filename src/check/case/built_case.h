@@ -111,7 +111,8 @@ private:
     void checkSerialized(const Guarded &data, std::string_view of, bool (*compatible)(const Device &, const uint8_t *));
     [[nodiscard]] Guarded serialized(const Structure &source);
     using Addresses = std::map<VkDeviceAddress, VkDeviceAddress>; // the old ones, the new ones
-    // needed: addresses that the data must have
+    // needed: addresses that the data of a top level must have. A bottom-level structure "may hold a reference" to its
+    // micromaps (vkCmdBuildAccelerationStructuresKHR), or have what it needs of them.
     void replaceAddresses(const Guarded &data, bool top, const Addresses &addresses, std::set<VkDeviceAddress> needed);
     void deserialize(const Guarded &data, Structure &target);
 

@@ -30,15 +30,6 @@ uint64_t numberAt(const uint8_t *bytes, size_t offset)
     return number;
 }
 
-// Returns whether triangles of the mesh have triangles of the micromap.
-bool showsMicromap(const oracle::Mesh &mesh, uint32_t micromap)
-{
-    for (uint32_t t = 0; mesh.micromap && mesh.micromap->micromap == micromap && t < mesh.triangles(); ++t)
-        if (mesh.micromap->indexOf(t) >= 0)
-            return true;
-    return false;
-}
-
 bool compatible(const Device &gpu, const uint8_t *version)
 {
     const auto info = vkInit<VkAccelerationStructureVersionInfoKHR>({.pVersionData = version});
@@ -347,7 +338,9 @@ void BuiltCase::replaceAddresses(const Guarded &data, bool top, const Addresses 
     if (top) {
         replace(next());
         if (!needed.empty())
-            gpu_.fault("the header of a serialized top level lacks the address of one of its objects");
+            gpu_.fault(fmt::format("the header of a serialized top level lacks the address of one of its objects "
+                                   "({:#x})",
+                                   *needed.begin()));
         return;
     }
     constexpr uint64_t kBlockFormat = 0xffffffff;
@@ -362,8 +355,6 @@ void BuiltCase::replaceAddresses(const Guarded &data, bool top, const Addresses 
         else
             at += 8 * count;
     }
-    if (!needed.empty())
-        gpu_.fault("the header of a serialized structure lacks the address of one of its micromaps");
 }
 
 void BuiltCase::deserialize(const Guarded &data, Structure &target)
@@ -389,20 +380,17 @@ void BuiltCase::reloadObject(const Step &step)
         if (object.uses(m))
             contents.emplace(m, serialized(*micromaps_[m], step));
     Addresses addresses;
-    std::set<VkDeviceAddress> needed;
     for (const auto &[number, content] : contents) {
         const uint32_t m = number;
         auto copy = std::make_unique<Micromap>(gpu_, *micromaps_[m], micromaps_[m]->size());
         if (!step.structureFirst)
             deserialize(content, *copy, step);
         addresses[micromaps_[m]->range().address] = copy->range().address;
-        if (std::ranges::any_of(object.meshes, [m](const oracle::Mesh &mesh) { return showsMicromap(mesh, m); }))
-            needed.insert(micromaps_[m]->range().address);
         originals[m] = std::exchange(micromaps_[m], std::move(copy));
         originals[m]->forget();
     }
     if (!addresses.empty())
-        replaceAddresses(data, false, addresses, needed);
+        replaceAddresses(data, false, addresses, {});
     auto target = newStructure<Blas>();
     deserialize(data, *target);
     // "Before using the deserialized acceleration structure, the micromaps must be deserialized"
@@ -424,8 +412,10 @@ void BuiltCase::reloadTop(const Step &step)
     std::vector<std::unique_ptr<Blas>> originals;
     Addresses addresses;
     std::set<VkDeviceAddress> needed;
+    // "the number of and ordering of the handles may not match the instance descriptions which were used to build the
+    // acceleration structure" (vkCmdCopyAccelerationStructureToMemoryKHR)
     for (const oracle::Instance &instance : scene_.instances)
-        if (!instance.inactive)
+        if (oracle::canBeMet(scene_, instance))
             needed.insert(bottoms_[instance.object].structure->address());
     for (size_t i = 0; step.relocated && i < bottoms_.size(); ++i) {
         std::unique_ptr<Blas> &structure = bottoms_[i].structure;
@@ -504,8 +494,10 @@ VkDeviceSize BuiltCase::sizeOf(const Structure &structure, VkQueryType type)
         });
     };
     const VkDeviceSize one = querySize(std::span(&all.back(), 1));
-    if (querySize(all) != one)
-        gpu_.fault("a query of several sizes of acceleration structures differs from a query of one");
+    if (const VkDeviceSize last = querySize(all); last != one)
+        gpu_.fault(fmt::format("a query of several sizes of acceleration structures differs from a query of one "
+                               "({} as the last of {}, {} alone)",
+                               last, all.size(), one));
     return one;
 }
 
@@ -532,8 +524,10 @@ VkDeviceSize BuiltCase::sizeOf(const Micromap &micromap, VkQueryType of, const S
         });
     };
     const VkDeviceSize one = querySize(std::span(&all.back(), 1));
-    if (querySize(all) != one)
-        gpu_.fault("a query of several sizes of micromaps differs from a query of one");
+    if (const VkDeviceSize last = querySize(all); last != one)
+        gpu_.fault(fmt::format("a query of several sizes of micromaps differs from a query of one ({} as the last of "
+                               "{}, {} alone)",
+                               last, all.size(), one));
     return one;
 }
 

@@ -137,6 +137,10 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
                              });
     if (byteIndices && !(gpu.khr() && gpu.has(VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME)))
         return "micromap indices of 8 bits are not supported";
+    if (!skipsPrimitives(gpu) && std::ranges::any_of(c.scene.rays, [](const Ray &ray) {
+            return (ray.flags & (kRaySkipTriangles | kRaySkipBoxes)) != 0;
+        }))
+        return "neither rayTraversalPrimitiveCulling nor rayQuery is supported";
     const std::vector<VkFormat> formats = gpu.vertexFormats();
     for (const oracle::Object &object : c.scene.objects)
         for (const oracle::Mesh &mesh : object.meshes)

@@ -29,6 +29,10 @@ std::vector<uint32_t> stagesOfGroup(uint32_t group);
 // The feature that the device lacks; nothing: it can trace by the plan.
 std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan);
 
+// Returns whether rays may skip triangles or boxes: "If the rayTraversalPrimitiveCulling or rayQuery features are
+// enabled, the SkipTrianglesKHR and SkipAABBsKHR ray flags can be specified" (Ray Primitive Culling).
+bool skipsPrimitives(const Device &gpu);
+
 // Returns whether the ray queries of the plan have the execution mode OpacityMicromapIdKHR.
 bool consumesMicromaps(const TracePlan &plan);
 

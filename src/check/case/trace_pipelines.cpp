@@ -17,6 +17,16 @@ bool usesMicromaps(const Device &gpu)
     return gpu.options().micromaps && gpu.options().micromapFeature;
 }
 
+} // namespace
+
+bool skipsPrimitives(const Device &gpu)
+{
+    return gpu.hasPrimitiveCulling() || gpu.has(VK_KHR_RAY_QUERY_EXTENSION_NAME);
+}
+
+namespace
+{
+
 // A module of the plan: with what the ray flags of micromaps need, literal constants, and selected or signed ray flags.
 std::vector<uint32_t> completed(const Device &gpu, const TracePlan &plan, std::span<const uint32_t> module,
                                 uint32_t flags, std::span<const uint32_t> literals)
@@ -24,6 +34,8 @@ std::vector<uint32_t> completed(const Device &gpu, const TracePlan &plan, std::s
     std::vector<uint32_t> words(module.begin(), module.end());
     if (usesMicromaps(gpu))
         words = withMicromapFlag(words);
+    if (skipsPrimitives(gpu))
+        words = withPrimitiveCulling(words);
     for (uint32_t i = 0; i < literals.size(); ++i)
         words = withLiteral(words, i, literals[i]);
     if (plan.flags == TracePlan::Flags::Selected)

@@ -8,6 +8,7 @@
 
 #include "check/case/case.h"
 #include "check/case/names.h"
+#include "check/case/trace.h"
 #include "check/groups/session.h"
 
 namespace vellum::check
@@ -145,6 +146,7 @@ DeviceLimits limitsOf(const Device &gpu)
             .byteIndices = gpu.khr() && gpu.has(VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME),
             .rayQueries = gpu.has(VK_KHR_RAY_QUERY_EXTENSION_NAME),
             .pipelines = gpu.has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME),
+            .skipsPrimitives = skipsPrimitives(gpu),
             .hostCommands = gpu.hasMicromapHostCommands(),
             .indirectBuilds = gpu.hasIndirectBuilds(),
             .hostReset = gpu.hasHostQueryReset(),
@@ -490,6 +492,15 @@ void setRecords(Random &random, Case &c)
     }
 }
 
+void skipNothing(Case &c)
+{
+    std::vector<Ray> before = c.scene.rays;
+    for (Ray &ray : c.scene.rays)
+        ray.flags &= ~(kRaySkipTriangles | kRaySkipBoxes);
+    if (!invalid(c).empty())
+        c.scene.rays = std::move(before);
+}
+
 Outcome runRandomCase(Session &session, std::string_view group, uint64_t seed, MakeCase make)
 {
     Random random(static_cast<Random::result_type>(seed ^ seed >> 32));
@@ -500,6 +511,8 @@ Outcome runRandomCase(Session &session, std::string_view group, uint64_t seed, M
         usePipelines(c);
     if (session.limits().has(Fault::AddressWithConstantFlags))
         useDescriptors(c.trace);
+    if (!session.limits().skipsPrimitives)
+        skipNothing(c);
     if (session.onlyMakesCases)
         return {.reproducer = toJson(c)};
     return runAndShrink(session, c, kShrinkSeconds);

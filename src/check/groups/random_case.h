@@ -19,7 +19,8 @@ struct DeviceLimits {
     Api api = Api::Khr;
     bool byteIndices = false; // VK_INDEX_TYPE_UINT8 for micromaps
     bool rayQueries = true;
-    bool pipelines = false; // ray tracing pipelines
+    bool pipelines = false;      // ray tracing pipelines
+    bool skipsPrimitives = true; // rays do
     bool hostCommands = false;
     bool indirectBuilds = false;
     bool hostReset = false;   // of queries
@@ -105,6 +106,8 @@ std::optional<QueryPlan> randomQueries(Random &random, const oracle::Scene &scen
 Outcome runAndShrink(Session &session, const Case &c, double seconds);
 // Runs a random case as above.
 Outcome runRandomCase(Session &session, std::string_view group, uint64_t seed, MakeCase make);
+// Rays skip neither triangles nor boxes, unless the case needs that.
+void skipNothing(Case &c);
 // Implements Group::run.
 template <MakeCase make>
 Outcome runGroup(Session &session, std::string_view group, uint64_t seed)

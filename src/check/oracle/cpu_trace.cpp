@@ -18,7 +18,7 @@ constexpr double kGrazing = 0.02;  // cosine
 // How far a driver's rounding may move a triangle or a ray, in units of the object. The specification says only:
 // "Implementations should take efforts to maintain as much precision as possible".
 constexpr double kPlace = 5e-6;
-constexpr double kMostMargin = 5e-4;  // in barycentrics: half of what the checks of rays tolerate
+constexpr double kMostMargin = 5e-4;  // in barycentrics and t: half of what the checks of rays tolerate
 constexpr double kFlat = 1e-9;        // products of edges, of vertices in one line
 constexpr double kNearSegment = 1e-3; // to a triangle whose vertices are in one line
 constexpr double kWidest = 0.05;      // limit for slivers
@@ -233,8 +233,8 @@ private:
         // kPlace in barycentrics, where the height above the longest edge decides, and along the ray.
         const double moved = std::max(double{scene_.edge}, kPlace * length / (area * std::abs(cosine)));
         slack_ = std::max(kDistance, kPlace / (std::abs(cosine) * std::sqrt(dot(local_.direction, local_.direction))));
-        // A sliver, or seen edge-on: nearly everything about the hit is rounding.
-        const bool bad = std::abs(cosine) < kGrazing || area < 0.02 || moved > kMostMargin;
+        // A sliver, or seen edge-on, or by a ray with a short direction: nearly everything about the hit is rounding.
+        const bool bad = std::abs(cosine) < kGrazing || area < 0.02 || moved > kMostMargin || slack_ > kMostMargin;
         const double margin = bad ? kWidest : moved;
         if (!(inside > -margin) || hit.t < double{ray_.tMin} - slack_ || hit.t > double{ray_.tMax} + slack_)
             return;
@@ -324,6 +324,26 @@ std::optional<Hit> hitOf(const Scene &scene, const Ray &ray, uint32_t instance, 
                         primitive < scene.objects[scene.instances[instance].object].meshes[geometry].triangles();
     static const Substitution kNone;
     return exists ? Tracing(scene, ray, kNone).runFor(instance, geometry, primitive) : std::nullopt;
+}
+
+bool canBeMet(const Scene &scene, const Instance &instance)
+{
+    const auto hasArea = [](const Mesh &mesh, uint32_t triangle) {
+        const auto [a, b, c] = cornersOf(mesh, triangle);
+        const Point normal = cross(b - a, c - a);
+        return dot(normal, normal) > 0; // inactive: NaN
+    };
+    const auto hasVolume = [](const VkAabbPositionsKHR &box) {
+        return box.maxX > box.minX && box.maxY > box.minY && box.maxZ > box.minZ;
+    };
+    const auto has = [&](const Mesh &mesh) {
+        bool any = std::ranges::any_of(mesh.boxes, hasVolume);
+        for (uint32_t t = 0; !any && t < mesh.triangles(); ++t)
+            any = hasArea(mesh, t);
+        return any;
+    };
+    return !instance.inactive && (instance.mask & 0xff) != 0 &&
+           std::ranges::any_of(scene.objects[instance.object].meshes, has);
 }
 
 std::optional<Hit> nearestTriangle(const Scene &scene, const Ray &ray)

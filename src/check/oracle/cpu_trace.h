@@ -70,6 +70,10 @@ std::vector<Hits> allHits(const Scene &scene, const Substitution &substitution =
 // certain.
 std::optional<Hit> hitOf(const Scene &scene, const Ray &ray, uint32_t instance, uint32_t geometry, uint32_t primitive);
 
+// Returns whether some ray can meet the instance: it is active, has a mask, and its object something that is neither
+// inactive nor degenerate.
+bool canBeMet(const Scene &scene, const Instance &instance);
+
 // The first triangle that the ray meets, whatever its opacity.
 std::optional<Hit> nearestTriangle(const Scene &scene, const Ray &ray);
 // A ray as the one of that hit, that meets the triangle at other barycentrics.

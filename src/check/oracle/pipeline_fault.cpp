@@ -163,8 +163,11 @@ public:
     {
         if (!result_.intact)
             return "payload changed";
+        if (result_.visitCount >= kDecoyVisit)
+            return "an intersection shader ran that no record names";
+        // They may run any number of times. No more of what they see is kept, so nothing can be said of the others.
         if (result_.candidateCount > kCapacity || result_.visitCount > kCapacity)
-            return "too many shader invocations";
+            return {};
         for (const auto &check : {&PipelineFaults::visitFault, &PipelineFaults::candidateFault,
                                   &PipelineFaults::committedFault, &PipelineFaults::missingFault}) {
             const std::string what = (this->*check)();
@@ -286,6 +289,23 @@ private:
         return {};
     }
 
+    // The hits one of which stays where a candidate ends the ray: it, and those that were found without any-hit shaders
+    // and are nearer: "If t > t_max, the candidate is dropped" (Ray Closest Hit Determination).
+    [[nodiscard]] std::vector<const Hit *> lastHits(const Candidate *end) const
+    {
+        if (end == nullptr)
+            return {};
+        std::vector<const Hit *> last{find(*end, end->box())};
+        const auto isNearer = [end](double t) { return t < double{end->t} + 1e-3; };
+        for (const Hit &hit : hits_)
+            if (!hit.box && !isCandidate(hit) && isNearer(hit.t))
+                last.push_back(&hit);
+        for (const Hit *hit : generated_)
+            if (isNearer(double{ray_.generate}))
+                last.push_back(hit);
+        return last;
+    }
+
     // The hit that stays: the nearest accepted triangle, or what an intersection shader reported.
     std::string committedFault()
     {
@@ -298,11 +318,11 @@ private:
         limit_ = std::min(nearest != nullptr ? nearest->t : double{ray_.tMax},
                           generated_.empty() ? double{ray_.tMax} : double{ray_.generate});
         const Candidate *const end = this->end();
-        if (end != nullptr) {
-            const Hit &hit = *find(*end, end->box());
-            if (!hasClosestHit(hit) ? result_.committed != kUnknownResult : !names(hit, result_))
-                return describe("an any-hit shader ended the ray, and not its hit is committed", hit);
-        }
+        const std::vector<const Hit *> last = lastHits(end);
+        if (end != nullptr && std::ranges::none_of(last, [&](const Hit *hit) {
+                return hasClosestHit(*hit) ? names(*hit, result_) : result_.committed == kUnknownResult;
+            }))
+            return describe("an any-hit shader ended the ray, and neither its hit nor a nearer one is committed", *end);
         const bool first = end != nullptr || (ray_.flags & kRayTerminateOnFirstHit) != 0;
         for (const auto &visit : result_.visits) {
             const Hit *hit = visit.reported == 1 ? find(visit, true) : nullptr;
@@ -313,10 +333,10 @@ private:
         const auto mayStay = [&](double t) { return first || t < limit_ + 1e-3; };
         for (const Hit &h : hits_)
             silent = silent || (!h.box && accepts(h) && !hasClosestHit(h) && mayStay(h.t));
-        if (end != nullptr)
-            silent = !hasClosestHit(*find(*end, end->box()));
         for (const Hit *h : generated_)
             silent = silent || (!hasClosestHit(*h) && mayStay(double{ray_.generate}));
+        if (end != nullptr)
+            silent = std::ranges::any_of(last, [&](const Hit *hit) { return !hasClosestHit(*hit); });
 
         const bool missed = nearest == nullptr && generated_.empty() && end == nullptr;
         if (result_.committed == kUnknownResult)

@@ -97,8 +97,9 @@ std::string queryFault(const Scene &scene, const Ray &ray, const std::vector<Hit
         return "a value that the loop around rayQueryProceedEXT changes is wrong after the loop";
     if (result.tMin < ray.tMin || result.tMin > ray.tMin)
         return "tMin read back wrong";
+    // They may come any number of times. The shader keeps no more of them, so nothing can be said of the others.
     if (result.candidateCount > kCapacity)
-        return "too many candidates";
+        return {};
 
     // Every candidate must be one that traversal may hand out.
     bool generated = false;
@@ -154,10 +155,20 @@ std::string queryFault(const Scene &scene, const Ray &ray, const std::vector<Hit
         if (hit != hits.end() && result.frontFace >> 8 != hit->record)
             return "record offset of the committed hit";
     }
-    if (end != nullptr)
-        return result.committed == kTriangle && names(result, *end) && std::abs(result.t - end->t) < 1e-3f
+    if (end != nullptr) {
+        // It is dropped if an opaque hit or that of a box was found before, and is nearer: "If t > t_max, the candidate
+        // is dropped" (Ray Closest Hit Determination).
+        const bool nearer = result.t < end->t + 1e-3f;
+        const bool opaque = nearer && result.committed == kTriangle && std::ranges::any_of(hits, [&](const Hit &h) {
+                                return !h.box && h.opacity == Opacity::Opaque && names(h, result) &&
+                                       std::abs(double{result.t} - h.t) < 1e-3;
+                            });
+        const bool ofBox = nearer && result.committed == kGenerated && generated;
+        return opaque || ofBox ||
+                       (result.committed == kTriangle && names(result, *end) && std::abs(result.t - end->t) < 1e-3f)
                    ? ""
-                   : "the query was terminated, and not its last candidate is committed";
+                   : "the query was terminated, and its last candidate is neither committed nor behind another hit";
+    }
     if (result.committed == kTriangle) {
         const auto hit = std::find_if(hits.begin(), hits.end(), [&](const Hit &h) {
             return !h.box && names(h, result) && (h.opacity == Opacity::Opaque || confirms(ray, h));

@@ -30,7 +30,12 @@ HelperScene::HelperScene(Device &gpu, uint32_t record)
     std::vector instances{instance(triangle_, {}, 0), instance(box_, {10, 0, 0}, 1)};
     for (VkAccelerationStructureInstanceKHR &i : instances)
         i.instanceShaderBindingTableRecordOffset = record & 0xffffffu;
-    top_.build(instances);
+    top_.prepare(instances);
+    gpu.submit([this](VkCommandBuffer commands) {
+        barrier(commands); // after the builds of the others
+        top_.record(commands);
+        barrier(commands);
+    });
 }
 
 } // namespace vellum::gpu

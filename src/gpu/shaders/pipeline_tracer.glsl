@@ -98,7 +98,7 @@ struct Wide {
 // DECOY: a shader that must not run; the check sees it by the payload, or by the number of visits.
 #ifdef DECOY
 #define DECOY_RUNS payload.canary = 0u;
-#define VISIT 1000u
+#define VISIT 0x100000u // kDecoyVisit
 #else
 #define DECOY_RUNS
 #define VISIT 1u

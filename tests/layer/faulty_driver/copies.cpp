@@ -17,8 +17,10 @@ std::map<uint64_t, uint64_t> clones;    // and what they are clones of
 std::map<uint64_t, uint64_t> triangles; // of micromaps
 std::map<uint64_t, uint32_t> lost;      // by compaction, or copies
 std::set<uint64_t> lossy;
-std::map<uint64_t, uint64_t> places; // where the memory of a micromap begins
-std::set<uint64_t> filledPlaces;     // with a micromap, which may be gone
+std::map<uint64_t, uint64_t> places;      // where the memory of a micromap begins
+std::map<uint64_t, uint64_t> handleSizes; // of micromaps of VK_EXT_opacity_micromap
+uint64_t hostBarriers = 0;                // recorded so far
+std::set<uint64_t> filledPlaces;          // with a micromap, which may be gone
 std::map<std::pair<void *, VkQueryType>, uint64_t> lastQueried;
 
 void fill(uint64_t micromap) // under the lock
@@ -152,8 +154,20 @@ VKAPI_ATTR void VKAPI_CALL writeStructureProperties(VkCommandBuffer handle, uint
     (handle, count, instead.data(), type, pool, firstOf(handle, first));
 }
 
+// The bytes behind the clone's that a copy as large as its source writes.
+void writeAsMuchAsSource(VkCommandBuffer handle, const VkCopyMicromapInfoEXT &info)
+{
+    if (!has(keyOf(handle), "clones-as-large-as-sources") || info.mode != VK_COPY_MICROMAP_MODE_CLONE_EXT)
+        return;
+    std::lock_guard lock(mutex);
+    const uint64_t from = handleSizes[numberOf(info.src)], to = handleSizes[numberOf(info.dst)];
+    if (from > to)
+        afterExecution(handle, [at = places[numberOf(info.dst)] + to] { *hostPointer<uint8_t>(at) = 0; });
+}
+
 VKAPI_ATTR void VKAPI_CALL copyMicromap(VkCommandBuffer handle, const VkCopyMicromapInfoEXT *info)
 {
+    writeAsMuchAsSource(handle, *info);
     noteCopy(keyOf(handle), numberOf(info->src), numberOf(info->dst), info->mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT);
     DRIVER_NEXT(vkCmdCopyMicromapEXT)(handle, info);
 }
@@ -188,16 +202,44 @@ void changeHeader(VkCommandBuffer handle, VkDeviceAddress data)
         });
 }
 
+// What the host sees of serialized data until a barrier makes it visible.
+void hideFromHost(VkCommandBuffer handle, VkDeviceAddress data)
+{
+    if (!has(keyOf(handle), "host-reads-after-barriers"))
+        return;
+    std::lock_guard lock(mutex);
+    afterExecution(handle, [data, before = hostBarriers] {
+        std::lock_guard own(mutex);
+        if (hostBarriers == before)
+            std::memset(hostPointer<uint8_t>(data), 0, size_t{2} * VK_UUID_SIZE);
+    });
+}
+
+VKAPI_ATTR void VKAPI_CALL pipelineBarrier(VkCommandBuffer handle, VkPipelineStageFlags from, VkPipelineStageFlags to,
+                                           VkDependencyFlags flags, uint32_t memories, const VkMemoryBarrier *memory,
+                                           uint32_t buffers, const VkBufferMemoryBarrier *buffer, uint32_t images,
+                                           const VkImageMemoryBarrier *image)
+{
+    if ((to & VK_PIPELINE_STAGE_HOST_BIT) != 0) {
+        std::lock_guard lock(mutex);
+        ++hostBarriers;
+    }
+    DRIVER_NEXT(vkCmdPipelineBarrier)
+    (handle, from, to, flags, memories, memory, buffers, buffer, images, image);
+}
+
 VKAPI_ATTR void VKAPI_CALL saveMicromap(VkCommandBuffer handle, const VkCopyMicromapToMemoryInfoEXT *info)
 {
     DRIVER_NEXT(vkCmdCopyMicromapToMemoryEXT)(handle, info);
     changeHeader(handle, info->dst.deviceAddress);
+    hideFromHost(handle, info->dst.deviceAddress);
 }
 
 VKAPI_ATTR void VKAPI_CALL saveStructure(VkCommandBuffer handle, const VkCopyAccelerationStructureToMemoryInfoKHR *info)
 {
     DRIVER_NEXT(vkCmdCopyAccelerationStructureToMemoryKHR)(handle, info);
     changeHeader(handle, info->dst.deviceAddress);
+    hideFromHost(handle, info->dst.deviceAddress);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createMicromap(VkDevice handle, const VkMicromapCreateInfoEXT *info,
@@ -205,8 +247,11 @@ VKAPI_ATTR VkResult VKAPI_CALL createMicromap(VkDevice handle, const VkMicromapC
 {
     const VkResult result = DRIVER_NEXT(vkCreateMicromapEXT)(handle, info, allocator, micromap);
     const auto query = vkInit<VkBufferDeviceAddressInfo>({.buffer = info->buffer});
-    if (result == VK_SUCCESS)
-        notePlace(numberOf(*micromap), DRIVER_NEXT(vkGetBufferDeviceAddress)(handle, &query) + info->offset);
+    if (result != VK_SUCCESS)
+        return result;
+    notePlace(numberOf(*micromap), DRIVER_NEXT(vkGetBufferDeviceAddress)(handle, &query) + info->offset);
+    std::lock_guard lock(mutex);
+    handleSizes[numberOf(*micromap)] = info->size;
     return result;
 }
 
@@ -278,6 +323,7 @@ LevelRows copyRows()
         {"vkCmdCopyQueryPoolResults", DRIVER_FUNCTION(copyResults)},
         {"vkCmdResetQueryPool", DRIVER_FUNCTION(resetQueries)},
         {"vkResetQueryPool", DRIVER_FUNCTION(resetQueriesOnHost)},
+        {"vkCmdPipelineBarrier", DRIVER_FUNCTION(pipelineBarrier)},
         {"vkCmdCopyMicromapEXT", DRIVER_FUNCTION(copyMicromap)},
         {"vkCmdCopyAccelerationStructureKHR", DRIVER_FUNCTION(copyStructure)},
         {"vkCmdCopyMemoryToMicromapEXT", DRIVER_FUNCTION(restoreMicromap)},

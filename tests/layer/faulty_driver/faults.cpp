@@ -260,6 +260,14 @@ std::span<const Quirk> allFreedoms()
          "distances and barycentrics differ by a few units in the last place of world coordinates (Ray Traversal)"},
         {"boxes-grown", Level::Boxes,
          "boxes are candidates of rays that pass next to them (Ray Intersection Candidate Determination)"},
+        {"host-reads-after-barriers", Level::Copies,
+         "the host does not see serialized data if no barrier for it was recorded since (Fences: waiting for one does "
+         "not make memory visible to the host)"},
+        {"clones-as-large-as-sources", Level::Copies,
+         "a clone of a VkMicromapEXT writes as many bytes as the source has (VkCopyMicromapModeEXT)"},
+        {"instance-offsets-by-16", Level::Instances,
+         "primitiveOffset of instances loses its lowest four bits "
+         "(VUID-VkAccelerationStructureBuildRangeInfoKHR-primitiveOffset-03660)"},
         {"lossy-by-content", Level::Micromaps,
          "a third of the elements of lossy micromaps are unknown, depending on nothing but their content (Ray Opacity "
          "Micromap)"},

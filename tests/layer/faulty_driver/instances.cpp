@@ -130,7 +130,7 @@ std::map<uint64_t, Built> builtOf;
 
 bool chosen(void *key)
 {
-    return has(key, "copy-loses-instance-flags") ||
+    return has(key, "copy-loses-instance-flags") || has(key, "instance-offsets-by-16") ||
            std::any_of(std::begin(kFaults), std::end(kFaults),
                        [key](const Fault &fault) { return has(key, fault.name); });
 }
@@ -172,7 +172,10 @@ private:
         auto &data = geometry.geometry.instances;
         const bool update = info.mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
         auto given = data;
-        given.data.deviceAddress += own.primitiveOffset;
+        constexpr uint32_t kMultiple = 16;
+        given.data.deviceAddress += has(keyOf(commands), "instance-offsets-by-16")
+                                        ? own.primitiveOffset / kMultiple * kMultiple
+                                        : own.primitiveOffset;
         const uint32_t count = own.primitiveCount;
         const Memory memory = memoryFor(commands, count * sizeof(Instance));
         std::lock_guard lock(mutex);

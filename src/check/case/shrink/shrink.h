@@ -27,6 +27,13 @@ struct Shrunk {
     uint32_t confirmations = 0;
 };
 
+// What is left of `seconds` for attempts, if a run takes that long: about six runs follow them, which confirm and
+// explain the smallest case. A case of a slow device is not made smaller until it is taken for one that hangs.
+constexpr double secondsForAttempts(double seconds, double secondsOfRun)
+{
+    return seconds - 6 * secondsOfRun;
+}
+
 using StillFails = std::function<bool(const Case &)>;
 
 // The smallest case found for which stillFails is true, which must be so for c. Every case that stillFails gets is
