@@ -15,6 +15,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "bake/texture/axis.h"
@@ -105,31 +106,42 @@ public:
     {
         const Axis::Run row = axisY_.run(y, y);
         const Rows rows = rowsOf(row);
-        const auto stored = static_cast<size_t>(row.first);
+        const size_t line = static_cast<size_t>(row.first) % kTile;
+        const size_t tileRow = static_cast<size_t>(row.first) / kTile;
+        const std::atomic<const Tile *> *tiles = &tiles_[tileRow * tileColumns_];
         return scan(
-            [&](int64_t word) { return tile(static_cast<size_t>(word), stored / kTile).mixed[stored % kTile]; }, first,
-            last, [&](int64_t x, int64_t column, bool mirrored) { return sink(place(x, y, column, mirrored, rows)); });
+            [&](int64_t word) {
+                const Tile *made = tiles[word].load(std::memory_order_acquire);
+                return (made != nullptr ? *made : makeTile(static_cast<size_t>(word), tileRow)).mixed[line];
+            },
+            first, last,
+            [&](int64_t x, int64_t column, bool mirrored) { return sink(place(x, y, column, mirrored, rows)); });
     }
     // Returns false where no cell of the columns from `first` to `last` is mixed. Reads all their texels: for what
     // covers all rows.
     [[nodiscard]] bool anyMixedIn(int64_t first, int64_t last) const;
 
 private:
+    struct RowBits;
+    struct Columns;
     // The bits of stored cells, a word for each row.
     struct Tile {
         std::array<uint64_t, kTile> mixed;
-        std::array<uint64_t, kTile> opaque;
         uint64_t mixedColumns; // a bit for each column with a mixed cell
+
+        // `rows`: of texels, one more than of cells. `cells`: the columns that exist. read(row): a row's RowBits.
+        template <typename Read>
+        void make(std::span<const int32_t> rows, uint64_t cells, Read &&read);
     };
-    static const Tile kOpaque;
-    static const Tile kTransparent;
+    static const Tile kUniform; // without a mixed cell
     // An interval of codes.
     struct CodeRange {
         uint8_t first = 0;
         uint8_t span = 0; // from the first to the last
         bool any = false;
+
+        [[nodiscard]] bool has(uint8_t code) const { return static_cast<uint8_t>(code - first) <= span; }
     };
-    struct RowBits;
     struct Rows {
         int64_t upper; // texels' rows, -1 for the border
         int64_t lower;
@@ -162,7 +174,7 @@ private:
         return tile != nullptr ? *tile : makeTile(column, row);
     }
     const Tile &makeTile(size_t column, size_t row) const;
-    [[nodiscard]] RowBits readRow(size_t firstColumn, int64_t row) const;
+    [[nodiscard]] RowBits readValues(const Columns &columns, int64_t row) const;
     // Calls `sink` with the position from `first` to `last` of each bit that is set, with its stored column, and
     // whether it is mirrored, until it returns true; returns whether it did. bits(i): those of the stored columns from
     // i * kTile on.
