@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-# With CMAKE_UNITY_BUILD, as without tests, the sources of each folder of a target are compiled as one. Half of the
-# compile time is headers. tests/structure/check_unity.py finds names that this would define twice.
+# With CMAKE_UNITY_BUILD, as without tests and in a fresh build of scripts/test, the sources of each folder of a target
+# are compiled as one. Half of the compile time is headers. tests/structure/check_unity.py finds names that this would
+# define twice.
 function(vellum_group_sources DIRECTORY)
   get_directory_property(folders DIRECTORY ${DIRECTORY} SUBDIRECTORIES)
   foreach(folder IN LISTS folders)

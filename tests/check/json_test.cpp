@@ -22,7 +22,7 @@ std::string errorOf(const std::string &text)
 }
 
 // A scene of one triangle, which one ray hits.
-Case smallCase()
+Case oneTriangleCase()
 {
     Case c{.group = "small", .seed = 18446744073709551615u};
     c.scene.micromaps = {{.triangles = {{.level = 1, .states = {0, 1, 2, 3}}}}};
@@ -62,7 +62,7 @@ constexpr std::string_view kSmall = R"({
 
 TEST(CaseJson, Readable)
 {
-    EXPECT_EQ(toJson(smallCase()), kSmall);
+    EXPECT_EQ(toJson(oneTriangleCase()), kSmall);
 }
 
 // NaN equals itself.
@@ -103,7 +103,7 @@ TEST(CaseJson, RandomCasesComeBack)
 
 TEST(CaseJson, FloatsComeBackExactly)
 {
-    Case c = smallCase();
+    Case c = oneTriangleCase();
     oracle::Random random(7);
     const auto anyFloat = [&] {
         for (;;) {
@@ -134,7 +134,7 @@ TEST(CaseJson, ConditionalMayBeABoolean)
 
 TEST(CaseJson, ManyStatesAreLengthsOfRuns)
 {
-    Case c = smallCase();
+    Case c = oneTriangleCase();
     std::vector<uint8_t> states(size_t{1} << 24, 1);
     states[5] = 2;
     states[6] = 3;
@@ -147,7 +147,7 @@ TEST(CaseJson, ManyStatesAreLengthsOfRuns)
 // Large scenes are short files, as long as most of their elements are alike.
 TEST(CaseJson, RunsAreElementsWithACount)
 {
-    Case c = smallCase();
+    Case c = oneTriangleCase();
     oracle::Mesh mesh = c.scene.objects[0].meshes[0];
     const std::vector<Vec3> triangle = std::exchange(mesh.vertices, {});
     for (uint32_t i = 0; i < 70000; ++i)
@@ -178,7 +178,7 @@ TEST(CaseJson, RunsAreElementsWithACount)
     EXPECT_EQ(back.scene.micromaps[0].triangles.size(), c.scene.micromaps[0].triangles.size());
 }
 
-// A replacement in the JSON of smallCase() that makes it invalid, and the expected error.
+// A replacement in the JSON of oneTriangleCase() that makes it invalid, and the expected error.
 struct Wrong {
     const char *instead;
     const char *with;

@@ -25,17 +25,11 @@ namespace
 
 namespace fs = std::filesystem;
 
-const std::pair<std::string, std::string> kOpaque = {"\"alphaMode\": \"MASK\"", "\"alphaMode\": \"OPAQUE\""};
+const std::pair<std::string, std::string> kOpaqueMaterial = {"\"alphaMode\": \"MASK\"", "\"alphaMode\": \"OPAQUE\""};
 
 void writeText(const fs::path &path, const std::string &text)
 {
     writeFile(path, {text.begin(), text.end()});
-}
-
-std::string textOf(const fs::path &path)
-{
-    const Bytes bytes = readFile(path);
-    return {bytes.begin(), bytes.end()};
 }
 
 // The whole lines of a log.
@@ -55,7 +49,7 @@ std::vector<std::string> linesOf(const std::string &text)
 std::multimap<std::string, std::string> statusesIn(const fs::path &log)
 {
     std::multimap<std::string, std::string> statuses;
-    for (const std::string &line : linesOf(textOf(log))) {
+    for (const std::string &line : linesOf(readText(log))) {
         const JsonTree json(line);
         EXPECT_TRUE(json.root()["output"].string() && json.root()["message"].string()) << line;
         EXPECT_TRUE(json.root()["bytes"].integer() && json.root()["milliseconds"].integer()) << line;
@@ -144,11 +138,11 @@ TEST(BakeJob, ShardsDivideTheFiles)
     std::string reversed;
     for (size_t i = 0; i < kFiles; ++i) {
         const std::string path = (folder / ("f" + std::to_string(i) + ".glb")).string();
-        writeFile(path, cardGlb({kOpaque}));
+        writeFile(path, cardGlb({kOpaqueMaterial}));
         list += path + "\n";
         reversed.insert(0, path + "\n");
     }
-    writeFile(folder / "more.glb", cardGlb({kOpaque}));
+    writeFile(folder / "more.glb", cardGlb({kOpaqueMaterial}));
     writeText(folder / "list", list);
     writeText(folder / "changed", reversed + (folder / "more.glb").string() + "\n");
     std::set<std::string> seen;
@@ -156,7 +150,7 @@ TEST(BakeJob, ShardsDivideTheFiles)
         std::set<std::string> files[2];
         for (const size_t run : {size_t{0}, size_t{1}}) {
             // Bytes after the chunks belong to no chunk.
-            Bytes larger = cardGlb({kOpaque});
+            Bytes larger = cardGlb({kOpaqueMaterial});
             larger.resize(larger.size() + run * 100'000);
             writeFile(folder / "f3.glb", larger);
             const Outcome outcome = runVellum({"bake", "--files", (folder / (run == 0 ? "list" : "changed")).string(),
@@ -264,7 +258,7 @@ TEST(BakeJob, TheLogTellsCopiesFromFilesThatLostTheirMicromaps)
     const TemporaryFolder folder;
     writeFile(folder / "card.glb", cardGlb());
     ASSERT_EQ(runVellum({"bake", (folder / "card.glb").string(), (folder / "a.glb").string()}).exitCode, 0);
-    writeFile(folder / "b.glb", cardGlb({kOpaque}));
+    writeFile(folder / "b.glb", cardGlb({kOpaqueMaterial}));
     const std::string log = (folder / "log").string();
     EXPECT_EQ(runVellum({"bake", (folder / "a.glb").string(), (folder / "b.glb").string(), "-o",
                          (folder / "out").string() + "/", "--copy", "--exclude-material", "leaf", "--log", log})
@@ -278,7 +272,7 @@ TEST(BakeJob, LogsAndResumes)
     const TemporaryFolder folder;
     fs::create_directories(folder / "in");
     writeFile(folder / "in/a.glb", cardGlb());
-    writeFile(folder / "in/b.glb", cardGlb({kOpaque}));
+    writeFile(folder / "in/b.glb", cardGlb({kOpaqueMaterial}));
     writeFile(folder / "in/c.glb", Bytes{'x'});
     writeFile(folder / "in/d.glb", cardGlb());
     const std::string log = (folder / "log.jsonl").string();
@@ -299,12 +293,12 @@ TEST(BakeJob, LogsAndResumes)
     EXPECT_NE(resumed.output.find("2 files were done before\n"), std::string::npos) << resumed.output;
     EXPECT_EQ(statusesIn(second), (Statuses{{"c.glb", "baked"}, {"d.glb", "baked"}}));
     // Merged by cat in any order, with lines that are cut off, one of them in front of another log, and one nested.
-    const std::string first = textOf(log);
+    const std::string first = readText(log);
     const std::string nested = first.substr(0, first.find("\"bytes\"")) + "\"bytes\":" + std::string(1'000'000, '[') +
                                std::string(1'000'000, ']') + "}\n";
     for (const bool newestLast : {true, false}) {
-        writeText(log, (newestLast ? first : textOf(second)) + R"({"input":"x)" +
-                           (newestLast ? textOf(second) : first) + nested + std::string(100000, '[') +
+        writeText(log, (newestLast ? first : readText(second)) + R"({"input":"x)" +
+                           (newestLast ? readText(second) : first) + nested + std::string(100000, '[') +
                            "\n{\"input\":\"" + std::string(9, '{'));
         for (int run = 0; run < 2; ++run) {
             const Outcome merged = runVellum(bake);
@@ -319,7 +313,7 @@ TEST(BakeJob, LogsAndResumes)
     // The next line does not go on in one that is cut off.
     fs::remove(folder / "out/d.glb");
     EXPECT_EQ(runVellum(bake).exitCode, 0);
-    EXPECT_NE(textOf(log).find("{{{\n{\"input\""), std::string::npos);
+    EXPECT_NE(readText(log).find("{{{\n{\"input\""), std::string::npos);
 }
 
 // Whatever is left of the first line.
@@ -425,7 +419,7 @@ TEST(BakeJob, WhatWasDoneWithOtherOptionsIsBakedAgain)
         options.insert(options.end(), same.begin(), same.end());
         EXPECT_NE(bake(options).output.find("2 files were done before\n"), std::string::npos) << same.front();
     }
-    size_t before = linesOf(textOf(log)).size();
+    size_t before = linesOf(readText(log)).size();
     for (const std::vector<std::string> &other : {std::vector<std::string>{"--level", "2"},
                                                   {"--level", "5", "--states", "2"},
                                                   {"--level", "5", "--blend"},
@@ -439,21 +433,21 @@ TEST(BakeJob, WhatWasDoneWithOtherOptionsIsBakedAgain)
                                       "baked again\n"),
                   std::string::npos)
             << other.back() << outcome.errors;
-        EXPECT_EQ(linesOf(textOf(log)).size(), before += 2);
+        EXPECT_EQ(linesOf(readText(log)).size(), before += 2);
     }
 }
 
 TEST(BakeJob, AFileWithoutTheRequiredMicromapsHasFailed)
 {
     const TemporaryFolder folder;
-    writeFile(folder / "a.glb", cardGlb({kOpaque}));
+    writeFile(folder / "a.glb", cardGlb({kOpaqueMaterial}));
     const std::string log = (folder / "log").string();
     for (int run = 0; run < 2; ++run)
         EXPECT_EQ(runVellum({"bake", (folder / "a.glb").string(), "--require-micromaps", "--log", log, "--resume", log})
                       .exitCode,
                   7);
     EXPECT_EQ(statusesIn(log), (Statuses{{"a.glb", "failed"}, {"a.glb", "failed"}}));
-    EXPECT_NE(textOf(log).find("no primitive gets a micromap"), std::string::npos);
+    EXPECT_NE(readText(log).find("no primitive gets a micromap"), std::string::npos);
 }
 
 // Whether the files are there yet does not matter.
@@ -484,7 +478,7 @@ TEST(BakeJob, ALogIsNeverAnotherFile)
         EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
         EXPECT_FALSE(fs::exists(folder / "a.omm.glb"));
     }
-    EXPECT_EQ(textOf(folder / "notes.txt"), "notes\n");
+    EXPECT_EQ(readText(folder / "notes.txt"), "notes\n");
     for (const char *log : {"missing", "notes.txt", "a.glb"})
         EXPECT_EQ(runVellum({"bake", a, "--resume", (folder / log).string()}).exitCode, 1) << log;
     EXPECT_FALSE(fs::exists(folder / "a.omm.glb"));

@@ -12,6 +12,11 @@ int Outcome::errorLines() const
     return static_cast<int>(ended) + (errors.empty() || errors.back() == '\n' ? 0 : 1);
 }
 
+bool has(const std::string &text, const std::string &part)
+{
+    return text.find(part) != std::string::npos;
+}
+
 std::string lineOf(const Outcome &outcome, const std::string &beginning)
 {
     const std::string lines = "\n" + outcome.output;

@@ -21,6 +21,8 @@ struct Outcome {
     [[nodiscard]] int errorLines() const;
 };
 
+bool has(const std::string &text, const std::string &part);
+
 // The first line of the output with this beginning; empty if there is none.
 std::string lineOf(const Outcome &outcome, const std::string &beginning);
 

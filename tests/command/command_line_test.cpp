@@ -19,11 +19,6 @@ namespace
 
 const std::vector<std::string> kSubcommands = {"bake", "help", "info", "inspect", "render", "run", "verify"};
 
-bool has(const std::string &text, const std::string &part)
-{
-    return text.find(part) != std::string::npos;
-}
-
 } // namespace
 
 TEST(CommandLine, HelpOptionsAndCommand)

@@ -36,11 +36,6 @@ protected:
     TemporaryFolder folder;
 };
 
-bool has(const std::string &text, const std::string &part)
-{
-    return text.find(part) != std::string::npos;
-}
-
 size_t occurrences(const std::string &text, const std::string &part)
 {
     size_t count = 0;
@@ -66,12 +61,6 @@ Bytes png16(uint16_t alpha)
         rows.insert(rows.end(),
                     {255, 255, 255, 255, 255, 255, static_cast<uint8_t>(alpha >> 8), static_cast<uint8_t>(alpha)});
     return pngImage(16, 16, 16, 6, false, rows);
-}
-
-std::string textOf(const std::filesystem::path &path)
-{
-    const Bytes bytes = readFile(path);
-    return {bytes.begin(), bytes.end()};
 }
 
 double number(const JsonValue &value)
@@ -134,20 +123,20 @@ TEST_F(GltfReport, InspectCountsSeparateFiles)
     std::erase(digits, ',');
     std::erase(digits, ' ');
     EXPECT_EQ(digits, std::to_string(bytes)) << outcome.output;
-    EXPECT_TRUE(has(textOf(folder / "page.html"), "\"bytes\":" + std::to_string(bytes) + ","));
+    EXPECT_TRUE(has(readText(folder / "page.html"), "\"bytes\":" + std::to_string(bytes) + ","));
 }
 
 TEST_F(GltfReport, InspectWritesToTheOutputOption)
 {
     write("card.glb");
     run({"inspect", in("card.glb"), "--bake", "-o", in("a.html")});
-    EXPECT_TRUE(has(textOf(folder / "a.html"), "<!DOCTYPE html>"));
+    EXPECT_TRUE(has(readText(folder / "a.html"), "<!DOCTYPE html>"));
     run({"inspect", in("card.glb"), "--bake", "--output", in("b.png")});
-    EXPECT_EQ(textOf(folder / "b.png").substr(1, 3), "PNG");
+    EXPECT_EQ(readText(folder / "b.png").substr(1, 3), "PNG");
     EXPECT_FALSE(std::filesystem::exists(folder / "b.html"));
     std::filesystem::create_directory(folder / "baked-v1.2");
     run({"inspect", in("card.glb"), "--bake", "-o", in("baked-v1.2")});
-    EXPECT_TRUE(has(textOf(folder / "baked-v1.2/card.html"), "<!DOCTYPE html>"));
+    EXPECT_TRUE(has(readText(folder / "baked-v1.2/card.html"), "<!DOCTYPE html>"));
     EXPECT_EQ(run({"inspect", in("card.glb"), "--bake", "-o", in("c.html"), "--html", in("d.html")}, 2).errorLines(),
               1);
 }
@@ -448,7 +437,7 @@ TEST_F(GltfReport, ACutoffForBlendIsOneNumber)
     run({"bake", in("card.glb"), "--blend", "--blend-cutoff", "0.7", "--exact"});
     run({"verify", "--exact", in("card.omm.glb")});
     run({"verify", "--exact", "--blend-cutoff", "0.7", in("card.omm.glb")});
-    EXPECT_TRUE(has(textOf(in("card.omm.glb")), "\"blendCutoff\":0.7}"));
+    EXPECT_TRUE(has(readText(in("card.omm.glb")), "\"blendCutoff\":0.7}"));
     for (const std::vector<std::string> &command :
          {std::vector<std::string>{"bake", "--blend"}, {"render", "--blend"}, {"verify"}}) {
         std::vector<std::string> large = command;
@@ -462,7 +451,7 @@ TEST_F(GltfReport, ACutoffForBlendThatTheFileLacks)
     write("card.glb", kGlass);
     // A number that single precision rounds, and with as many digits as what is written in its place.
     run({"bake", in("card.glb"), "--blend", "--blend-cutoff", "0.3000003"});
-    EXPECT_TRUE(has(textOf(in("card.omm.glb")), "\"blendCutoff\":0.3000003"));
+    EXPECT_TRUE(has(readText(in("card.omm.glb")), "\"blendCutoff\":0.3000003"));
     run({"verify", in("card.omm.glb")});
     const Bytes baked = readFile(in("card.omm.glb"));
     // With another value, or without one.

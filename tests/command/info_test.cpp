@@ -38,11 +38,6 @@ protected:
     TemporaryFolder folder;
 };
 
-bool has(const std::string &text, const std::string &part)
-{
-    return text.find(part) != std::string::npos;
-}
-
 } // namespace
 
 TEST_F(Info, SaysWhoBringsMicromapsAndHowToTurnThemOn)

@@ -15,11 +15,6 @@ namespace
 
 using When = spirv::MicromapMode::When;
 
-bool has(const std::string &text, const std::string &part)
-{
-    return text.find(part) != std::string::npos;
-}
-
 struct SpirvCommand : testing::Test {
     const std::string queries = std::string(SHADER_DIRECTORY) + "/while_loop.comp.v15.spv";
     const std::string anyHit = std::string(SHADER_DIRECTORY) + "/any_hit.rahit.v15.spv";

@@ -43,11 +43,6 @@ struct VerifyCommand : testing::Test {
     }
 };
 
-bool has(const std::string &text, const std::string &part)
-{
-    return text.find(part) != std::string::npos;
-}
-
 } // namespace
 
 TEST_F(VerifyCommand, AcceptsOutputOfTheBaker)

@@ -13,17 +13,17 @@ namespace vellum::test
 namespace
 {
 
-struct Device {
+struct GpuAndApi {
     const char *name;
     vt::Api api;
 };
 
-std::ostream &operator<<(std::ostream &out, const Device &device)
+std::ostream &operator<<(std::ostream &out, const GpuAndApi &device)
 {
     return out << device.name;
 }
 
-class Submission : public testing::TestWithParam<Device>
+class Submission : public testing::TestWithParam<GpuAndApi>
 {
 };
 
@@ -61,23 +61,23 @@ TEST_P(Submission, BuildsAndTracesAreTaken)
     EXPECT_EQ(gpu.intersectionWarnings() > 0, hasPipelines);
 }
 
-std::string nameOf(const testing::TestParamInfo<Device> &info)
+std::string nameOf(const testing::TestParamInfo<GpuAndApi> &info)
 {
     return info.param.name + std::string(info.param.api == vt::Api::Khr ? "Khr" : "Ext");
 }
 
 INSTANTIATE_TEST_SUITE_P(Amd, Submission,
-                         testing::Values(Device{"navi21", vt::Api::Ext}, Device{"navi21", vt::Api::Khr},
-                                         Device{"navi31", vt::Api::Khr}, Device{"gfx1201", vt::Api::Ext}),
+                         testing::Values(GpuAndApi{"navi21", vt::Api::Ext}, GpuAndApi{"navi21", vt::Api::Khr},
+                                         GpuAndApi{"navi31", vt::Api::Khr}, GpuAndApi{"gfx1201", vt::Api::Ext}),
                          nameOf);
 INSTANTIATE_TEST_SUITE_P(Intel, Submission,
-                         testing::Values(Device{"dg2", vt::Api::Ext}, Device{"dg2", vt::Api::Khr},
-                                         Device{"mtl", vt::Api::Ext}, Device{"lnl", vt::Api::Khr},
-                                         Device{"bmg", vt::Api::Ext}, Device{"bmg", vt::Api::Khr}),
+                         testing::Values(GpuAndApi{"dg2", vt::Api::Ext}, GpuAndApi{"dg2", vt::Api::Khr},
+                                         GpuAndApi{"mtl", vt::Api::Ext}, GpuAndApi{"lnl", vt::Api::Khr},
+                                         GpuAndApi{"bmg", vt::Api::Ext}, GpuAndApi{"bmg", vt::Api::Khr}),
                          nameOf);
 // a740 is excluded: turnip's own shaders need 8-bit storage, which it lacks there and warns about.
 INSTANTIATE_TEST_SUITE_P(Qualcomm, Submission,
-                         testing::Values(Device{"a750", vt::Api::Ext}, Device{"a750", vt::Api::Khr}), nameOf);
+                         testing::Values(GpuAndApi{"a750", vt::Api::Ext}, GpuAndApi{"a750", vt::Api::Khr}), nameOf);
 
 } // namespace
 } // namespace vellum::test

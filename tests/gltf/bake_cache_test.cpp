@@ -229,8 +229,6 @@ struct CachedBakes {
     size_t hits(const Replacements &replacements = {}) { return hits(cardGlb(replacements)); }
 };
 
-const std::string kPrimitive = R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0})";
-
 // The card with other bytes at a place in its binary chunk.
 Bytes changedCard(size_t offset, Bytes bytes)
 {
@@ -388,7 +386,7 @@ TEST(BakeCache, WhatTheResultDependsOnDoesNot)
         {{R"("baseColorFactor": [1, 0.5, 0.25, 0.75])", R"("baseColorFactor": [1, 0.5, 0.25, 0.5])"}},
         {{R"("alphaCutoff": 0.25)", R"("alphaCutoff": 0.375)"}},
         {{R"("index": 0})", R"("index": 0, "extensions": {"KHR_texture_transform": {"scale": [0.5, 1]}}})"}},
-        {{kPrimitive, kPrimitive + ", " + kPrimitive}},
+        {{kCardPrimitive, kCardPrimitive + ", " + kCardPrimitive}},
     };
     size_t misses = 1;
     for (const Replacements &replacements : different) {

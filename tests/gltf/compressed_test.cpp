@@ -35,7 +35,7 @@ Primitive readFirst(const std::string &json, const Bytes &binary)
     return readPrimitive(Document(folder / "test.glb"), {0, 0}, Positions::Read);
 }
 
-std::string errorOf(const std::string &json, const Bytes &binary)
+std::string errorOfPrimitive(const std::string &json, const Bytes &binary)
 {
     try {
         static_cast<void>(readFirst(json, binary));
@@ -88,14 +88,6 @@ Primitive uncompressed()
     return primitive;
 }
 
-template <typename T>
-void append(Bytes &bytes, const std::vector<T> &values)
-{
-    const size_t old = bytes.size();
-    bytes.resize(old + values.size() * sizeof(T));
-    std::memcpy(bytes.data() + old, values.data(), values.size() * sizeof(T));
-}
-
 // What a message about something that the library cannot decode goes on with.
 std::string whichNeeds(const std::string &needed)
 {
@@ -133,9 +125,9 @@ TEST(GltfCompressed, DamagedDraco)
 {
     Bytes encoded = dracoTriangles(kPositions, kUvs);
     const std::string json = dracoJson(encoded.size());
-    EXPECT_EQ(errorOf(dracoJson(encoded.size(), R"({"POSITION": 0, "TEXCOORD_0": 9})"), encoded),
+    EXPECT_EQ(errorOfPrimitive(dracoJson(encoded.size(), R"({"POSITION": 0, "TEXCOORD_0": 9})"), encoded),
               "mesh 0 primitive 0 TEXCOORD_0: Draco's attribute 9 does not exist");
-    EXPECT_EQ(errorOf(dracoJson(encoded.size(), R"({"POSITION": 1, "TEXCOORD_0": 1})"), encoded),
+    EXPECT_EQ(errorOfPrimitive(dracoJson(encoded.size(), R"({"POSITION": 1, "TEXCOORD_0": 1})"), encoded),
               "mesh 0 primitive 0 POSITION: Draco's attribute 1 has the wrong type");
     for (const bool required : {false, true}) {
         std::string masked = json;
@@ -143,19 +135,20 @@ TEST(GltfCompressed, DamagedDraco)
         masked.replace(masked.find("{\"pbr"), 1, "{\"alphaMode\": \"MASK\", ");
         if (required)
             masked.replace(1, 0, "\"extensionsRequired\": [\"KHR_draco_mesh_compression\"], ");
-        EXPECT_EQ(errorOf(masked, encoded), "mesh 0 primitive 0 indices: accessor 2000000000 does not exist");
+        EXPECT_EQ(errorOfPrimitive(masked, encoded), "mesh 0 primitive 0 indices: accessor 2000000000 does not exist");
     }
     // Positions that are not compressed, of one vertex.
     std::string few = dracoJson(encoded.size(), R"({"TEXCOORD_0": 1})");
     few.replace(few.find("\"count\": 6"), 10, "\"count\": 1");
-    EXPECT_EQ(errorOf(few, encoded), "mesh 0 primitive 0 has 1 positions for 4 vertices");
+    EXPECT_EQ(errorOfPrimitive(few, encoded), "mesh 0 primitive 0 has 1 positions for 4 vertices");
     Bytes changed = encoded;
     changed[6] = 1;
-    EXPECT_EQ(errorOf(json, changed), "unsupported: mesh 0 primitive 0: Draco's version 2.1 is not 2.2");
+    EXPECT_EQ(errorOfPrimitive(json, changed), "unsupported: mesh 0 primitive 0: Draco's version 2.1 is not 2.2");
     changed[0] = 'd';
-    EXPECT_EQ(errorOf(json, changed), "mesh 0 primitive 0: what it is compressed to is not Draco's");
+    EXPECT_EQ(errorOfPrimitive(json, changed), "mesh 0 primitive 0: what it is compressed to is not Draco's");
     for (size_t length = 11; length < encoded.size(); ++length)
-        EXPECT_NE(errorOf(dracoJson(length), Bytes(encoded.begin(), encoded.begin() + static_cast<ptrdiff_t>(length))),
+        EXPECT_NE(errorOfPrimitive(dracoJson(length),
+                                   Bytes(encoded.begin(), encoded.begin() + static_cast<ptrdiff_t>(length))),
                   "none");
     // Numbers of vertices and faces that the bytes cannot be worth, where the connectivity begins.
     for (const size_t place : {12u, 13u}) {
@@ -163,7 +156,7 @@ TEST(GltfCompressed, DamagedDraco)
         changed.erase(changed.begin() + static_cast<ptrdiff_t>(place));
         const uint8_t many[] = {0xff, 0xff, 0xff, 0xff, 0x04};
         changed.insert(changed.begin() + static_cast<ptrdiff_t>(place), std::begin(many), std::end(many));
-        EXPECT_EQ(errorOf(dracoJson(changed.size()), changed),
+        EXPECT_EQ(errorOfPrimitive(dracoJson(changed.size()), changed),
                   "mesh 0 primitive 0: what it is compressed to by Draco cannot be decoded");
     }
 }
@@ -199,7 +192,7 @@ TEST(GltfCompressed, Meshopt)
             const auto changed = [&](const std::string &from, const std::string &to) {
                 std::string other = json;
                 other.replace(other.find(from), from.size(), to);
-                return errorOf(other, binary);
+                return errorOfPrimitive(other, binary);
             };
             EXPECT_EQ(changed("\"count\": 6, \"mode\": \"A", "\"count\": 2000000000, \"mode\": \"A"),
                       "mesh 0 primitive 0 POSITION: buffer view 0 is decompressed to 40000000000 bytes and has 120");
@@ -214,9 +207,10 @@ TEST(GltfCompressed, Meshopt)
             EXPECT_NE(changed("\"buffer\": 0, \"byteOffset\": 0", "\"buffer\": 7, \"byteOffset\": 0"), "none");
             Bytes newer = binary;
             newer[0] |= 15;
-            EXPECT_EQ(errorOf(json, newer), "unsupported: mesh 0 primitive 0 POSITION: buffer view 0 is compressed by "
-                                            "version 15 of the codec" +
-                                                whichNeeds("a newer one"));
+            EXPECT_EQ(errorOfPrimitive(json, newer),
+                      "unsupported: mesh 0 primitive 0 POSITION: buffer view 0 is compressed by "
+                      "version 15 of the codec" +
+                          whichNeeds("a newer one"));
         }
     }
 }
@@ -246,13 +240,13 @@ TEST(GltfCompressed, NewerMeshopt)
         glbOf(primitive, accessors, view(filtered, R"(, "filter": "COLOR")"), filtered.size(), 24);
     EXPECT_EQ(encoded.at(0), 0xa1);
     if (kMeshoptVersion < 230)
-        EXPECT_EQ(errorOf(json, encoded),
+        EXPECT_EQ(errorOfPrimitive(json, encoded),
                   name + "is compressed by version 1 of the codec" + whichNeeds("meshoptimizer 0.23 or newer"));
     else
         for (size_t i = 0; i < 6; ++i)
             EXPECT_EQ(readFirst(json, encoded).alphas.at(i), static_cast<float>(40 * i) / 255);
     if (kMeshoptVersion < 1000)
-        EXPECT_EQ(errorOf(filteredJson, filtered),
+        EXPECT_EQ(errorOfPrimitive(filteredJson, filtered),
                   name + "has a compression with the filter COLOR" + whichNeeds("meshoptimizer 1.0 or newer"));
     else
         for (size_t i = 0; i < 6; ++i)

@@ -41,7 +41,6 @@ std::string reasonFor(const Replacements &replacements, const DocumentBakeOption
     return bake.skipped.size() == 1 ? bake.skipped[0].reason : "none";
 }
 
-const std::string kPrimitive = R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0})";
 const std::string kAsset = R"("asset": {"version": "2.0"},)";
 
 // The card with COLOR_0, whose alphas these are.
@@ -172,7 +171,7 @@ TEST(DocumentBake, NeedsNoTextureOfWhatIsNotBaked)
 
 TEST(DocumentBake, EqualAlphaSharesAMicromap)
 {
-    const DocumentBake bake = bakeCard({{R"({"attributes": {"POSITION": 3}, "material": 1})", kPrimitive}});
+    const DocumentBake bake = bakeCard({{R"({"attributes": {"POSITION": 3}, "material": 1})", kCardPrimitive}});
     ASSERT_EQ(bake.primitives.size(), 2u);
     EXPECT_EQ(bake.primitives[1].micromap.indices, bake.primitives[0].micromap.indices);
     EXPECT_EQ(bake.micromaps.size(), 1u);
@@ -254,8 +253,8 @@ TEST(DocumentBake, AMaterialWithoutTextureIsOneStateAllOver)
 TEST(DocumentBake, SkipsPrimitivesThatCannotBeBaked)
 {
     EXPECT_EQ(reasonFor({{R"(, "TEXCOORD_0": 1)", ""}}), "it has no texture coordinates (TEXCOORD_0)");
-    EXPECT_EQ(reasonFor({{kPrimitive, kPrimitive.substr(0, kPrimitive.size() - 1) +
-                                          R"(, "extensions": {"KHR_materials_variants": {"mappings":
+    EXPECT_EQ(reasonFor({{kCardPrimitive, kCardPrimitive.substr(0, kCardPrimitive.size() - 1) +
+                                              R"(, "extensions": {"KHR_materials_variants": {"mappings":
                                           [{"material": 1, "variants": [0]}]}}})"}}),
               "its material can be changed (KHR_materials_variants)");
     EXPECT_EQ(reasonFor({{R"("name": "leaf",)",
@@ -280,11 +279,11 @@ TEST(DocumentBake, SkipsPrimitivesThatCannotBeBaked)
 // The extension counts triangles by the indices, or else by the positions.
 TEST(DocumentBake, MissingIndicesAndPositionsGiveNoTriangleCount)
 {
-    EXPECT_EQ(reasonFor({{kPrimitive, R"({"attributes": {"TEXCOORD_0": 1}, "material": 0})"}}),
+    EXPECT_EQ(reasonFor({{kCardPrimitive, R"({"attributes": {"TEXCOORD_0": 1}, "material": 0})"}}),
               "it has neither indices nor positions");
-    EXPECT_EQ(
-        bakeCard({{kPrimitive, R"({"attributes": {"TEXCOORD_0": 1}, "indices": 2, "material": 0})"}}).primitives.size(),
-        1u);
+    EXPECT_EQ(bakeCard({{kCardPrimitive, R"({"attributes": {"TEXCOORD_0": 1}, "indices": 2, "material": 0})"}})
+                  .primitives.size(),
+              1u);
 }
 
 // A renderer that reads the other image would sample that.
@@ -450,8 +449,8 @@ TEST(DocumentBake, BakesOpaqueMaterialsWithAnyTexture)
 TEST(DocumentBake, ReportsWhatLosesItsMicromap)
 {
     const Replacements stored = {
-        {kPrimitive, kPrimitive.substr(0, kPrimitive.size() - 1) +
-                         R"(, "extensions": {"EXT_mesh_opacity_micromap": {"micromap": 0}}})"}};
+        {kCardPrimitive, kCardPrimitive.substr(0, kCardPrimitive.size() - 1) +
+                             R"(, "extensions": {"EXT_mesh_opacity_micromap": {"micromap": 0}}})"}};
     DocumentBakeOptions options = optionsOf();
     EXPECT_TRUE(bakeCard(stored, options).skipped.empty());
     options.excludedMaterials = {"leaf"};
@@ -461,8 +460,8 @@ TEST(DocumentBake, ReportsWhatLosesItsMicromap)
 
 TEST(DocumentBake, AVariantWithTheSameMaterialIsNoChange)
 {
-    EXPECT_EQ(bakeCard({{kPrimitive, kPrimitive.substr(0, kPrimitive.size() - 1) +
-                                         R"(, "extensions": {"KHR_materials_variants": {"mappings":
+    EXPECT_EQ(bakeCard({{kCardPrimitive, kCardPrimitive.substr(0, kCardPrimitive.size() - 1) +
+                                             R"(, "extensions": {"KHR_materials_variants": {"mappings":
                                          [{"material": 0, "variants": [0]}]}}})"}})
                   .primitives.size(),
               1u);
@@ -532,7 +531,7 @@ namespace
 // Cards with the same texture, whose materials have a cutoff each.
 void writeCards(const std::filesystem::path &path, size_t count)
 {
-    std::string primitives = kPrimitive;
+    std::string primitives = kCardPrimitive;
     std::string materials;
     for (size_t i = 1; i < count; ++i) {
         primitives += R"(, {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": )" +
@@ -542,7 +541,7 @@ void writeCards(const std::filesystem::path &path, size_t count)
             R"(, "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.75], "baseColorTexture": {"index": 0}}})";
     }
     writeCardGltf(path, discPng(),
-                  {{kPrimitive, primitives}, {R"({"name": "wood"})", R"({"name": "wood"})" + materials}});
+                  {{kCardPrimitive, primitives}, {R"({"name": "wood"})", R"({"name": "wood"})" + materials}});
 }
 
 } // namespace

@@ -86,7 +86,7 @@ struct Bench {
     }
 };
 
-const std::string kPrimitive = R"("indices": 2, "material": 0)";
+const std::string kIndicesAndMaterial = R"("indices": 2, "material": 0)";
 
 // The card with its buffer in a file of its own.
 struct Split {
@@ -277,7 +277,7 @@ TEST(DocumentWriter, StripsAndFansBecomeLists)
 {
     for (const char *mode : {"5", "6"}) {
         Bench bench;
-        const Bytes input = cardGlb({{kPrimitive, R"("mode": )" + std::string(mode) + R"(, "material": 0)"}});
+        const Bytes input = cardGlb({{kIndicesAndMaterial, R"("mode": )" + std::string(mode) + R"(, "material": 0)"}});
         bench.bake(input);
         const Document before(bench.folder / "in.glb");
         const Document after(bench.folder / "out.glb");
@@ -362,8 +362,9 @@ TEST(DocumentWriter, MicromapIndicesHaveTheSmallestType)
 TEST(DocumentWriter, RejectsAmbiguousJson)
 {
     Bench bench;
-    EXPECT_THROW(bench.bake(cardGlb({{kPrimitive, kPrimitive + R"(, "extensions": {}, "extensions": {})"}})),
-                 GltfError);
-    EXPECT_THROW(bench.bake(cardGlb({{kPrimitive, kPrimitive + R"(, "extensions": 3)"}})), GltfError);
+    EXPECT_THROW(
+        bench.bake(cardGlb({{kIndicesAndMaterial, kIndicesAndMaterial + R"(, "extensions": {}, "extensions": {})"}})),
+        GltfError);
+    EXPECT_THROW(bench.bake(cardGlb({{kIndicesAndMaterial, kIndicesAndMaterial + R"(, "extensions": 3)"}})), GltfError);
     EXPECT_FALSE(std::filesystem::exists(bench.folder / "out.glb"));
 }

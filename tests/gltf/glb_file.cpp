@@ -16,14 +16,6 @@ namespace
 
 constexpr size_t kImageOffset = 92;
 
-template <typename T>
-void append(Bytes &bytes, const std::vector<T> &values)
-{
-    const size_t old = bytes.size();
-    bytes.resize(old + values.size() * sizeof(T));
-    std::memcpy(bytes.data() + old, values.data(), values.size() * sizeof(T));
-}
-
 void appendWord(Bytes &bytes, size_t word)
 {
     append(bytes, std::vector<uint32_t>{static_cast<uint32_t>(word)});
@@ -148,6 +140,12 @@ Bytes readFile(const std::filesystem::path &path)
     if (!file)
         throw std::runtime_error(path.string() + " cannot be read");
     return {std::istreambuf_iterator<char>(file), {}};
+}
+
+std::string readText(const std::filesystem::path &path)
+{
+    const Bytes bytes = readFile(path);
+    return {bytes.begin(), bytes.end()};
 }
 
 TemporaryFolder::TemporaryFolder()

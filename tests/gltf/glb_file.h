@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <cstring>
 #include <filesystem>
 #include <string>
 #include <utility>
@@ -13,6 +14,15 @@ namespace vellum::test
 
 using Bytes = std::vector<uint8_t>;
 
+// Appends the values as they stand in memory.
+template <typename T>
+void append(Bytes &bytes, const std::vector<T> &values)
+{
+    const size_t old = bytes.size();
+    bytes.resize(old + values.size() * sizeof(T));
+    std::memcpy(bytes.data() + old, values.data(), values.size() * sizeof(T));
+}
+
 // Text to replace in the file's JSON, each exactly once (anything else is an error of the test).
 using Replacements = std::vector<std::pair<std::string, std::string>>;
 
@@ -21,6 +31,10 @@ Bytes discPng();
 
 // The JSON of the card with an image of `imageBytes` bytes in its binary chunk.
 std::string cardJson(size_t imageBytes, size_t binaryBytes);
+
+// The primitive of the card in that JSON.
+inline const std::string kCardPrimitive =
+    R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0})";
 
 // Packs a GLB. The chunks are padded.
 Bytes packGlb(std::string json, Bytes binary);
@@ -33,6 +47,7 @@ std::string writeCardGltf(const std::filesystem::path &path, const Bytes &png = 
 
 void writeFile(const std::filesystem::path &path, const Bytes &bytes);
 Bytes readFile(const std::filesystem::path &path);
+std::string readText(const std::filesystem::path &path);
 
 // A fresh folder below the system's temporary one, deleted with all that is in it.
 class TemporaryFolder

@@ -14,7 +14,7 @@ using namespace vellum::test;
 namespace
 {
 
-std::string errorOf(const Bytes &encoded)
+std::string decodingError(const Bytes &encoded)
 {
     try {
         static_cast<void>(decodeImage(encoded, "image 0"));
@@ -55,14 +55,14 @@ TEST(GltfImage, Webp)
     if (kDecodesWebpAndAvif)
         EXPECT_EQ(decodeImage(encoded, "image 0").rgba, rgba);
     else
-        EXPECT_EQ(errorOf(encoded), "unsupported: image 0 is a WebP image, which this build cannot decode");
+        EXPECT_EQ(decodingError(encoded), "unsupported: image 0 is a WebP image, which this build cannot decode");
 }
 
 // Every alpha that there is, as it is stored, with colours.
 TEST(GltfImage, AvifOfEveryDepth)
 {
     if (!kDecodesWebpAndAvif) {
-        EXPECT_EQ(errorOf(avifImage(2, 1, {})),
+        EXPECT_EQ(decodingError(avifImage(2, 1, {})),
                   "unsupported: image 0 is an AVIF image, which this build cannot decode");
         return;
     }
@@ -125,11 +125,11 @@ TEST(GltfImage, AvifThatIsNoStillImage)
     const std::string transformed =
         "unsupported: image 0 is to be rotated, mirrored or cropped (irot, imir, clap), which "
         "some renderers do and others do not";
-    EXPECT_EQ(errorOf(avifImage(64, 64, rgba, {.rotation = 0})), "none");
-    EXPECT_EQ(errorOf(avifImage(64, 64, rgba, {.rotation = 1})), transformed);
-    EXPECT_EQ(errorOf(avifImage(64, 64, rgba, {.mirrored = true})), transformed);
-    EXPECT_EQ(errorOf(avifImage(64, 64, rgba, {.cropped = true})), transformed);
-    EXPECT_EQ(errorOf(avifImage(64, 64, rgba, {.frames = 2})), "unsupported: image 0 is an animation");
+    EXPECT_EQ(decodingError(avifImage(64, 64, rgba, {.rotation = 0})), "none");
+    EXPECT_EQ(decodingError(avifImage(64, 64, rgba, {.rotation = 1})), transformed);
+    EXPECT_EQ(decodingError(avifImage(64, 64, rgba, {.mirrored = true})), transformed);
+    EXPECT_EQ(decodingError(avifImage(64, 64, rgba, {.cropped = true})), transformed);
+    EXPECT_EQ(decodingError(avifImage(64, 64, rgba, {.frames = 2})), "unsupported: image 0 is an animation");
 }
 
 namespace
@@ -190,7 +190,7 @@ TEST(GltfImage, AvifOfManyParts)
         GTEST_SKIP() << "this build has no libavif";
     const std::string many = "image 0 cannot be decoded: it has too many parts";
     const auto isMany = [&](const Bytes &file) {
-        const std::string error = errorOf(file);
+        const std::string error = decodingError(file);
         EXPECT_TRUE(error.starts_with("image 0 cannot be decoded: ")) << error;
         return error == many;
     };
@@ -207,7 +207,7 @@ TEST(GltfImage, AvifOfManyParts)
     EXPECT_TRUE(isMany(avifOf(itemOf(129, 0, 2), repeated(frame, 1000))));
     EXPECT_FALSE(isMany(avifOf(itemOf(1, 0, 3 * 60000), repeated(padding, 70000))));
     EXPECT_TRUE(isMany(avifOf(itemOf(1, 0, 3 * 70000), repeated(padding, 70000))));
-    EXPECT_EQ(errorOf(avifOf(itemOf(100, 0, 1000), Bytes(2000))), "image 0 cannot be decoded: its parts overlap");
+    EXPECT_EQ(decodingError(avifOf(itemOf(100, 0, 1000), Bytes(2000))), "image 0 cannot be decoded: its parts overlap");
     // Extents of 0 bytes that take none in the table, either.
     EXPECT_FALSE(isMany(avifOf({1, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 1, 0, 0, 0xff, 0xff}, {})));
     EXPECT_TRUE(
@@ -235,20 +235,20 @@ TEST(GltfImage, UnsupportedKindsAreIdentified)
     };
     const std::string help = ", which is not supported: bake before the textures are compressed, by a tool that keeps "
                              "unknown extensions, or keep their PNG or JPEG images";
-    EXPECT_EQ(errorOf(padded("\xabKTX 20\xbb\r\n\x1a\n")), "unsupported: image 0 is a KTX2 file" + help);
-    EXPECT_EQ(errorOf(padded("DDS ")), "unsupported: image 0 is a DDS file" + help);
+    EXPECT_EQ(decodingError(padded("\xabKTX 20\xbb\r\n\x1a\n")), "unsupported: image 0 is a KTX2 file" + help);
+    EXPECT_EQ(decodingError(padded("DDS ")), "unsupported: image 0 is a DDS file" + help);
     // Other ISO media files.
     for (const char *brand : {"heic", "isom", "mif1", "avic"})
-        EXPECT_EQ(errorOf(padded(std::string("\0\0\0\x20", 4) + "ftyp" + brand)),
+        EXPECT_EQ(decodingError(padded(std::string("\0\0\0\x20", 4) + "ftyp" + brand)),
                   "image 0 cannot be decoded: it is neither PNG nor JPEG nor WebP nor AVIF");
     Bytes jpeg = jpegImage(8, 8, Bytes(192));
     for (size_t i = 0; i + 1 < jpeg.size(); ++i)
         if (jpeg[i] == 0xff && jpeg[i + 1] == 0xc0) {
             Bytes lossless = jpeg;
             lossless[i + 1] = 0xc3;
-            EXPECT_EQ(errorOf(lossless).substr(0, 40), "unsupported: image 0 is a JPEG of a kind");
+            EXPECT_EQ(decodingError(lossless).substr(0, 40), "unsupported: image 0 is a JPEG of a kind");
             jpeg[i + 4] = 12;
-            EXPECT_EQ(errorOf(jpeg).substr(0, 40), "unsupported: image 0 is a JPEG of a kind");
+            EXPECT_EQ(decodingError(jpeg).substr(0, 40), "unsupported: image 0 is a JPEG of a kind");
             return;
         }
     FAIL() << "the JPEG has no frame";
@@ -266,9 +266,10 @@ TEST(GltfImage, DamagedImages)
         whole.push_back(avifImage(64, 64, {rgba.begin(), rgba.end()}, {.columns = 2}));
     }
     for (const Bytes &image : whole) {
-        EXPECT_EQ(errorOf(image), "none");
+        EXPECT_EQ(decodingError(image), "none");
         for (size_t length = 0; length + 12 < image.size(); ++length) {
-            const std::string error = errorOf(Bytes(image.begin(), image.begin() + static_cast<ptrdiff_t>(length)));
+            const std::string error =
+                decodingError(Bytes(image.begin(), image.begin() + static_cast<ptrdiff_t>(length)));
             if (image[0] != 0xff || length < 20) {
                 EXPECT_NE(error, "none") << length << " of " << image.size() << " bytes";
             }
@@ -281,16 +282,16 @@ TEST(GltfImage, SmallFilesAreNoHugeImages)
     Bytes png = pngImage(64, 64, 8, kRgba, false, Bytes(64 * 64 * 4));
     // The header's checksum is wrong then, which is noticed first: a size that libpng rejects, or the checksum.
     png[18] = 0x40;
-    EXPECT_NE(errorOf(png), "none");
+    EXPECT_NE(decodingError(png), "none");
     if (!kDecodesWebpAndAvif)
         return;
     // Sizes that are believed, of one colour.
     const Bytes webp = webpImage(16383, 1025, Bytes(size_t{16383} * 1025 * 4));
     EXPECT_LT(webp.size(), 4096u);
-    EXPECT_EQ(errorOf(webp), "image 0 has 16383 x 1025 texels in " + std::to_string(webp.size()) + " bytes");
+    EXPECT_EQ(decodingError(webp), "image 0 has 16383 x 1025 texels in " + std::to_string(webp.size()) + " bytes");
     const Bytes avif = avifImage(64, 64, std::vector<uint16_t>(size_t{4} * 64 * 64));
     const auto resized = [](const Bytes &file, uint32_t width, uint32_t height) {
-        return errorOf(resizedAvif(file, width, height));
+        return decodingError(resizedAvif(file, width, height));
     };
     EXPECT_EQ(resized(avif, 64, 64), "none");
     EXPECT_EQ(resized(avif, 16384, 1025),

@@ -29,12 +29,6 @@ FileContent contentOf(const std::string &text)
     return content;
 }
 
-std::string textOf(const std::filesystem::path &path)
-{
-    const Bytes bytes = readFile(path);
-    return {bytes.begin(), bytes.end()};
-}
-
 size_t entries(const std::filesystem::path &folder)
 {
     const std::filesystem::directory_iterator begin(folder);
@@ -53,12 +47,12 @@ TEST(OutputFiles, AppearWhenTheyArePublished)
         OutputFiles files(kNever);
         files.write(folder / "a/b/new", contentOf("new"));
         files.write(folder / "old", contentOf("newer"));
-        EXPECT_EQ(textOf(folder / "old"), "x");
+        EXPECT_EQ(readText(folder / "old"), "x");
         EXPECT_FALSE(std::filesystem::exists(folder / "a/b/new"));
         files.publish();
     }
-    EXPECT_EQ(textOf(folder / "a/b/new"), "new");
-    EXPECT_EQ(textOf(folder / "old"), "newer");
+    EXPECT_EQ(readText(folder / "a/b/new"), "new");
+    EXPECT_EQ(readText(folder / "old"), "newer");
     EXPECT_EQ(entries(folder.path()), 2u);
     EXPECT_EQ(entries(folder / "a/b"), 1u);
 }
@@ -87,7 +81,7 @@ TEST(OutputFiles, AppearWithoutProc)
     if (WIFEXITED(status) && WEXITSTATUS(status) == kUnsupported)
         GTEST_SKIP() << "nothing can be mounted";
     EXPECT_EQ(status, 0);
-    EXPECT_EQ(textOf(folder / "new"), "new");
+    EXPECT_EQ(readText(folder / "new"), "new");
     EXPECT_EQ(entries(folder.path()), 1u);
 }
 
@@ -100,7 +94,7 @@ TEST(OutputFiles, NoOtherNameStaysOfAFileThatHasAppearedAlready)
     ASSERT_EQ(linkat(AT_FDCWD, file.readable().c_str(), AT_FDCWD, file.path().c_str(), AT_SYMLINK_FOLLOW), 0);
     EXPECT_EQ(file.appear(), NewFile::Appeared::No);
     file.replace();
-    EXPECT_EQ(textOf(folder / "new"), "x");
+    EXPECT_EQ(readText(folder / "new"), "x");
     EXPECT_EQ(entries(folder.path()), 1u);
 }
 #endif
@@ -112,11 +106,11 @@ TEST(OutputFiles, NamesMayHaveAnyCharacters)
     OutputFiles files(kNever);
     files.write(path, contentOf("leaf"));
     files.publish();
-    EXPECT_EQ(textOf(path), "leaf");
+    EXPECT_EQ(readText(path), "leaf");
     OutputFiles again(kNever);
     again.write(path, contentOf("newer leaf"));
     again.publish();
-    EXPECT_EQ(textOf(path), "newer leaf");
+    EXPECT_EQ(readText(path), "newer leaf");
     EXPECT_EQ(entries(path.parent_path()), 1u);
 }
 
@@ -150,8 +144,8 @@ TEST(OutputFiles, WhenOneCannotAppearThoseBeforeItStay)
         writeFile(folder / "two", {'t'}); // written by another process meanwhile
         EXPECT_THROW(files.publish(), GltfError);
     }
-    EXPECT_EQ(textOf(folder / "one"), "1");
-    EXPECT_EQ(textOf(folder / "two"), "t");
+    EXPECT_EQ(readText(folder / "one"), "1");
+    EXPECT_EQ(readText(folder / "two"), "t");
     EXPECT_EQ(entries(folder.path()), 3u);
 }
 
@@ -166,12 +160,12 @@ TEST(OutputFiles, CopiesDoNotReplaceDifferentFiles)
     files.copy(folder / "source", folder / "same", folder.path());
     EXPECT_THROW(files.copy(folder / "source", folder / "different", folder.path()), GltfError);
     files.publish();
-    EXPECT_EQ(textOf(folder / "copy"), "s");
-    EXPECT_EQ(textOf(folder / "different"), "d");
+    EXPECT_EQ(readText(folder / "copy"), "s");
+    EXPECT_EQ(readText(folder / "different"), "d");
     OutputFiles replacing(kNever);
     replacing.copy(folder / "source", folder / "different", folder.path(), true);
     replacing.publish();
-    EXPECT_EQ(textOf(folder / "different"), "s");
+    EXPECT_EQ(readText(folder / "different"), "s");
 }
 
 TEST(OutputFiles, ContentNamedFilesAreNeverReplaced)
@@ -186,16 +180,16 @@ TEST(OutputFiles, ContentNamedFilesAreNeverReplaced)
         files.write(folder / "old", contentOf("newer"));
         files.publish();
     }
-    EXPECT_EQ(textOf(folder / "new"), "n");
-    EXPECT_EQ(textOf(folder / "old"), "newer");
+    EXPECT_EQ(readText(folder / "new"), "n");
+    EXPECT_EQ(readText(folder / "old"), "newer");
     OutputFiles files(kNever);
     files.writeOnce(folder / "other", contentOf("o"));
     files.writeOnce(folder / "same", contentOf("different"));
     files.write(folder / "old", contentOf("newest"));
     EXPECT_THROW(files.publish(), GltfError);
-    EXPECT_EQ(textOf(folder / "same"), "s");
-    EXPECT_EQ(textOf(folder / "old"), "newer");
-    EXPECT_EQ(textOf(folder / "other"), "o");
+    EXPECT_EQ(readText(folder / "same"), "s");
+    EXPECT_EQ(readText(folder / "old"), "newer");
+    EXPECT_EQ(readText(folder / "other"), "o");
 }
 
 TEST(OutputFiles, ReplacedFilesKeepTheirMode)
@@ -208,7 +202,7 @@ TEST(OutputFiles, ReplacedFilesKeepTheirMode)
     OutputFiles files(kNever);
     files.write(folder / "old", contentOf("newer"));
     files.publish();
-    EXPECT_EQ(textOf(folder / "old"), "newer");
+    EXPECT_EQ(readText(folder / "old"), "newer");
     EXPECT_EQ(std::filesystem::status(folder / "old").permissions(), mode);
 }
 
@@ -233,7 +227,7 @@ TEST(OutputFiles, TemporaryFilesOfAnEarlierProcessDoNotMatter)
     OutputFiles files(kNever);
     files.write(folder / "old", contentOf("new"));
     files.publish();
-    EXPECT_EQ(textOf(folder / "old"), "new");
+    EXPECT_EQ(readText(folder / "old"), "new");
     EXPECT_EQ(entries(folder.path()), 1001u);
 }
 

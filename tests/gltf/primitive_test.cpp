@@ -2,7 +2,6 @@
 // Vertices and triangles of a primitive in every form in which a file can store them.
 #include "gltf/primitive.h"
 
-#include <cstring>
 #include <gtest/gtest.h>
 
 #include "glb_file.h"
@@ -13,16 +12,8 @@ using namespace vellum::test;
 namespace
 {
 
-template <typename T>
-void append(Bytes &bytes, const std::vector<T> &values)
-{
-    const size_t old = bytes.size();
-    bytes.resize(old + values.size() * sizeof(T));
-    std::memcpy(bytes.data() + old, values.data(), values.size() * sizeof(T));
-}
-
 // A file with one primitive, whose parts are given as they stand in the JSON. Every buffer view is its own buffer's.
-struct Sample {
+struct PrimitiveFile {
     std::string root; // members
     std::string primitive = R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0})";
     std::vector<std::string> accessors;
@@ -82,26 +73,26 @@ struct Sample {
     }
 };
 
-Sample sample()
+PrimitiveFile triangleFile()
 {
-    Sample sample;
-    sample.add<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, R"("componentType": 5126, "count": 3, "type": "VEC3")");
-    sample.add<float>({0, 0, 1, 0, 0, 1}, R"("componentType": 5126, "count": 3, "type": "VEC2")");
-    return sample;
+    PrimitiveFile file;
+    file.add<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, R"("componentType": 5126, "count": 3, "type": "VEC3")");
+    file.add<float>({0, 0, 1, 0, 0, 1}, R"("componentType": 5126, "count": 3, "type": "VEC2")");
+    return file;
 }
 
 } // namespace
 
 TEST(GltfPrimitive, EveryTypeOfTextureCoordinates)
 {
-    const auto read = [](Sample file) { return file.read().uvs; };
+    const auto read = [](PrimitiveFile file) { return file.read().uvs; };
     const std::string two = R"("count": 3, "type": "VEC2")";
     const std::string normalized = two + R"(, "normalized": true)";
-    Sample file = sample();
+    PrimitiveFile file = triangleFile();
     file.accessors.pop_back();
     file.views.pop_back();
     const auto with = [&](auto values, const std::string &accessor) {
-        Sample changed = file;
+        PrimitiveFile changed = file;
         changed.add(values, accessor);
         return read(changed);
     };
@@ -120,7 +111,7 @@ TEST(GltfPrimitive, EveryTypeOfTextureCoordinates)
               (Uvs{{-1, 1}, {0, 1 / 32767.0f}, {2 / 32767.0f, 3 / 32767.0f}}));
     EXPECT_EQ(with(std::vector<int16_t>{-32768, 32767, 0, 1, 2, 3}, "\"componentType\": 5122, " + two),
               (Uvs{{-32768, 32767}, {0, 1}, {2, 3}}));
-    Sample wrong = file;
+    PrimitiveFile wrong = file;
     wrong.add<uint32_t>({0, 1, 2, 3, 4, 5}, "\"componentType\": 5125, " + two);
     EXPECT_EQ(wrong.error(), " TEXCOORD_0: accessor 1: 32-bit integers are for indices only");
     wrong = file;
@@ -131,7 +122,7 @@ TEST(GltfPrimitive, EveryTypeOfTextureCoordinates)
 // KHR_mesh_quantization: padded to four bytes, and positions may be integers of any kind.
 TEST(GltfPrimitive, QuantizedPositions)
 {
-    Sample file = sample();
+    PrimitiveFile file = triangleFile();
     file.views[0].clear();
     append<int8_t>(file.views[0], {9, 9, 9, 9, -127, 0, 127, 9, 1, 2, 3, 9, 4, 5, 6, 9});
     file.viewMembers = {", \"byteStride\": 4"};
@@ -144,7 +135,7 @@ TEST(GltfPrimitive, QuantizedPositions)
 
 TEST(GltfPrimitive, SparseAccessors)
 {
-    Sample file = sample();
+    PrimitiveFile file = triangleFile();
     file.views.push_back({0, 2});
     file.views.emplace_back();
     append<float>(file.views.back(), {7, 8, 9, 10});
@@ -183,7 +174,7 @@ TEST(GltfPrimitive, SparseAccessors)
 
 TEST(GltfPrimitive, MissingBufferViewIsZeros)
 {
-    Sample file = sample();
+    PrimitiveFile file = triangleFile();
     file.accessors[1] = R"({"componentType": 5126, "count": 3, "type": "VEC2"})";
     EXPECT_EQ(file.read().uvs, (std::vector<TexCoord>{{0, 0}, {0, 0}, {0, 0}}));
     file.accessors[1] = R"({"componentType": 5126, "count": 100000000000, "type": "VEC2"})";
@@ -192,7 +183,7 @@ TEST(GltfPrimitive, MissingBufferViewIsZeros)
 
 TEST(GltfPrimitive, Strides)
 {
-    Sample file = sample();
+    PrimitiveFile file = triangleFile();
     // Both attributes are in one view with 20 bytes for each vertex.
     file.views = {{}};
     append<float>(file.views[0], {0, 0, 0, 10, 11, 1, 0, 0, 20, 21, 0, 1, 0, 30, 31});
@@ -213,7 +204,7 @@ TEST(GltfPrimitive, Strides)
 TEST(GltfPrimitive, StripsAndFans)
 {
     const auto trianglesOf = [](int mode, const std::vector<uint16_t> &corners) {
-        Sample file = sample();
+        PrimitiveFile file = triangleFile();
         file.primitive =
             R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "mode": )" + std::to_string(mode) + "}";
         file.add<uint16_t>(corners,
@@ -232,7 +223,7 @@ TEST(GltfPrimitive, StripsAndFans)
 TEST(GltfPrimitive, StripsAndFansThatBeginAgain)
 {
     const auto read = [](const std::string &mode, const std::string &type, auto corners) {
-        Sample file = sample();
+        PrimitiveFile file = triangleFile();
         file.root = R"("extensionsUsed": ["KHR_mesh_primitive_restart"], )";
         file.primitive = R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "mode": )" + mode + "}";
         file.add(corners,
@@ -249,14 +240,14 @@ TEST(GltfPrimitive, StripsAndFansThatBeginAgain)
     EXPECT_EQ(read("5", "5121", std::vector<uint8_t>{0xff, 0, 1, 0xff, 0xff, 2, 1, 0, 0xff}).read().indices,
               (Indices{2, 1, 0}));
     EXPECT_EQ(read("4", "5121", std::vector<uint8_t>{0, 1, 0xff}).error(), ": index 255 of 3 vertices");
-    Sample without = read("5", "5121", std::vector<uint8_t>{0, 1, 2, 0xff});
+    PrimitiveFile without = read("5", "5121", std::vector<uint8_t>{0, 1, 2, 0xff});
     without.root.clear();
     EXPECT_EQ(without.error(), ": index 255 of 3 vertices");
 }
 
 TEST(GltfPrimitive, CountsVerticesByOtherAttributesWithoutPositions)
 {
-    Sample file = sample();
+    PrimitiveFile file = triangleFile();
     file.primitive = R"({"attributes": {"TEXCOORD_0": 1}, "material": 0})";
     const Primitive primitive = file.read(Positions::Skip);
     EXPECT_EQ(primitive.uvs.size(), 3u);
@@ -273,7 +264,7 @@ TEST(GltfPrimitive, CountsVerticesByOtherAttributesWithoutPositions)
 
 TEST(GltfPrimitive, UsesTheTextureCoordinatesOfTheMaterial)
 {
-    Sample file = sample();
+    PrimitiveFile file = triangleFile();
     file.add<float>({5, 6, 7, 8, 9, 10}, R"("componentType": 5126, "count": 3, "type": "VEC2")");
     file.primitive = R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1, "TEXCOORD_1": 2}, "material": 0})";
     EXPECT_EQ(file.read().uvs[0], (TexCoord{0, 0}));
@@ -293,7 +284,7 @@ TEST(GltfPrimitive, Colors)
 {
     const std::string three = R"("count": 3, "type": "VEC4")";
     const auto with = [&](auto values, const std::string &accessor) {
-        Sample file = sample();
+        PrimitiveFile file = triangleFile();
         file.add(values, accessor);
         file.primitive = R"({"attributes": {"POSITION": 0, "COLOR_0": 2}})";
         return file;
@@ -315,7 +306,7 @@ TEST(GltfPrimitive, Colors)
 
 TEST(GltfPrimitive, MorphedAttributesAreReported)
 {
-    Sample file = sample();
+    PrimitiveFile file = triangleFile();
     const auto morphed = [&](const std::string &targets) {
         file.primitive =
             R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0, "targets": )" + targets + "}";

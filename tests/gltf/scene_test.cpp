@@ -13,7 +13,7 @@ namespace
 {
 
 // Reads what the bytes of a file mean.
-Scene read(const Bytes &bytes)
+Scene sceneOf(const Bytes &bytes)
 {
     const TemporaryFolder folder;
     writeFile(folder / "test.glb", bytes);
@@ -21,10 +21,10 @@ Scene read(const Bytes &bytes)
 }
 
 // The error for a card whose JSON was changed: without the file's name, which it must begin with.
-std::string errorOf(const Replacements &replacements)
+std::string errorOfCard(const Replacements &replacements)
 {
     try {
-        read(cardGlb(replacements));
+        sceneOf(cardGlb(replacements));
     } catch (const GltfError &error) {
         const std::string text = error.what();
         EXPECT_EQ(text.find('\n'), std::string::npos);
@@ -38,7 +38,7 @@ std::string errorOf(const Replacements &replacements)
 
 TEST(Gltf, ReadsACard)
 {
-    const Scene scene = read(cardGlb());
+    const Scene scene = sceneOf(cardGlb());
     ASSERT_EQ(scene.geometries.size(), 2u);
     ASSERT_EQ(scene.materials.size(), 2u);
     ASSERT_EQ(scene.images.size(), 1u);
@@ -70,17 +70,18 @@ TEST(Gltf, ReadsACard)
 
 TEST(Gltf, AppliesTransforms)
 {
-    const Scene turned = read(cardGlb(
+    const Scene turned = sceneOf(cardGlb(
         {{"\"translation\": [0, 2, 0]", "\"rotation\": [0, 0, 0.70710678, 0.70710678], \"scale\": [2, 1, 1]"}}));
     const Vec3 corner = transformed(turned.instances[0].transform, turned.geometries[0].positions[1]);
     EXPECT_NEAR(corner[0], 0, 1e-5); // (1, 0, 0) -> (2, 0, 0) -> (0, 2, 0)
     EXPECT_NEAR(corner[1], 2, 1e-5);
     const Scene matrix =
-        read(cardGlb({{"\"translation\": [0, 2, 0]", "\"matrix\": [1,0,0,0, 0,1,0,0, 0,0,1,0, 5,6,7,1]"}}));
+        sceneOf(cardGlb({{"\"translation\": [0, 2, 0]", "\"matrix\": [1,0,0,0, 0,1,0,0, 0,0,1,0, 5,6,7,1]"}}));
     EXPECT_EQ(transformed(matrix.instances[0].transform, matrix.geometries[0].positions[1]), (Vec3{6, 6, 7}));
-    const Scene uvs = read(cardGlb({{"\"baseColorTexture\": {\"index\": 0}",
-                                     "\"baseColorTexture\": {\"index\": 0, \"extensions\": {\"KHR_texture_transform\": "
-                                     "{\"offset\": [0.5, 0.25], \"scale\": [2, 4]}}}"}}));
+    const Scene uvs =
+        sceneOf(cardGlb({{"\"baseColorTexture\": {\"index\": 0}",
+                          "\"baseColorTexture\": {\"index\": 0, \"extensions\": {\"KHR_texture_transform\": "
+                          "{\"offset\": [0.5, 0.25], \"scale\": [2, 4]}}}"}}));
     EXPECT_EQ(uvs.geometries[0].uvs[1], (TexCoord{2.5f, 4.25f}));
 }
 
@@ -126,7 +127,7 @@ TEST(Gltf, ReadsDataUris)
 // glTF 2.0, "pbrMetallicRoughness": a texture that is not there reads as 1.
 TEST(Gltf, MaskedWithoutTexture)
 {
-    const Scene scene = read(cardGlb({{", \"baseColorTexture\": {\"index\": 0}", ""}}));
+    const Scene scene = sceneOf(cardGlb({{", \"baseColorTexture\": {\"index\": 0}", ""}}));
     const Material &leaf = scene.materials[0];
     ASSERT_GE(leaf.image, 0);
     EXPECT_EQ(scene.images[static_cast<size_t>(leaf.image)].rgba, (std::vector<uint8_t>{255, 255, 255, 255}));
@@ -135,54 +136,56 @@ TEST(Gltf, MaskedWithoutTexture)
 
 TEST(Gltf, ReportsErrors)
 {
-    EXPECT_EQ(errorOf({{", \"TEXCOORD_0\": 1", ""}}),
+    EXPECT_EQ(errorOfCard({{", \"TEXCOORD_0\": 1", ""}}),
               "mesh 0 primitive 0 has the masked material \"leaf\" but no texture coordinates (TEXCOORD_0)");
-    EXPECT_EQ(errorOf({{"\"baseColorTexture\": {\"index\": 0}", "\"baseColorTexture\": {\"index\": 3}"}}),
+    EXPECT_EQ(errorOfCard({{"\"baseColorTexture\": {\"index\": 0}", "\"baseColorTexture\": {\"index\": 3}"}}),
               "texture 3 does not exist");
-    EXPECT_EQ(errorOf({{"\"source\": 0, ", ""}}), "texture 0 has no image that is known here");
-    EXPECT_EQ(errorOf({{"\"source\": 0", "\"source\": 9"}}), "image 9 does not exist");
-    EXPECT_EQ(errorOf({{"\"sampler\": 0", "\"sampler\": 9"}}), "sampler 9 does not exist");
-    EXPECT_EQ(errorOf({{"\"material\": 0", "\"material\": 7"}}), "material 7 does not exist");
-    EXPECT_EQ(errorOf({{"\"mesh\": 0", "\"mesh\": 1"}}), "mesh 1 does not exist");
-    EXPECT_EQ(errorOf({{"\"scenes\": [{\"nodes\": [0]}]", "\"scenes\": [{\"nodes\": [4]}]"}}), "node 4 does not exist");
-    EXPECT_EQ(errorOf({{"\"nodes\": [{\"mesh\": 0", "\"nodes\": [{\"children\": [0], \"mesh\": 0"}}),
+    EXPECT_EQ(errorOfCard({{"\"source\": 0, ", ""}}), "texture 0 has no image that is known here");
+    EXPECT_EQ(errorOfCard({{"\"source\": 0", "\"source\": 9"}}), "image 9 does not exist");
+    EXPECT_EQ(errorOfCard({{"\"sampler\": 0", "\"sampler\": 9"}}), "sampler 9 does not exist");
+    EXPECT_EQ(errorOfCard({{"\"material\": 0", "\"material\": 7"}}), "material 7 does not exist");
+    EXPECT_EQ(errorOfCard({{"\"mesh\": 0", "\"mesh\": 1"}}), "mesh 1 does not exist");
+    EXPECT_EQ(errorOfCard({{"\"scenes\": [{\"nodes\": [0]}]", "\"scenes\": [{\"nodes\": [4]}]"}}),
+              "node 4 does not exist");
+    EXPECT_EQ(errorOfCard({{"\"nodes\": [{\"mesh\": 0", "\"nodes\": [{\"children\": [0], \"mesh\": 0"}}),
               "node 0 is used more than once");
-    EXPECT_EQ(errorOf({{"\"scenes\": [{\"nodes\": [0]}]", "\"scenes\": [{\"nodes\": []}]"}}),
+    EXPECT_EQ(errorOfCard({{"\"scenes\": [{\"nodes\": [0]}]", "\"scenes\": [{\"nodes\": []}]"}}),
               "there are no triangles in it");
 }
 
 TEST(Gltf, ChecksAccessors)
 {
-    EXPECT_EQ(errorOf({{"\"componentType\": 5123, \"count\": 6", "\"componentType\": 5123, \"count\": 9"}}),
+    EXPECT_EQ(errorOfCard({{"\"componentType\": 5123, \"count\": 6", "\"componentType\": 5123, \"count\": 9"}}),
               "mesh 0 primitive 0 indices: accessor 2 reaches outside of its buffer view");
-    EXPECT_EQ(errorOf({{"\"componentType\": 5123, \"count\": 6", "\"componentType\": 5123, \"count\": 4"}}),
+    EXPECT_EQ(errorOfCard({{"\"componentType\": 5123, \"count\": 6", "\"componentType\": 5123, \"count\": 4"}}),
               "mesh 0 primitive 0 has 4 indices, no multiple of 3");
-    EXPECT_EQ(errorOf({{"\"componentType\": 5123", "\"componentType\": 5126"}}),
+    EXPECT_EQ(errorOfCard({{"\"componentType\": 5123", "\"componentType\": 5126"}}),
               "mesh 0 primitive 0 indices: accessor 2 reaches outside of its buffer view");
-    EXPECT_EQ(errorOf({{"{\"bufferView\": 0, \"componentType\": 5126, \"count\": 4",
-                        "{\"bufferView\": 0, \"componentType\": 5126, \"count\": 2"}}),
+    EXPECT_EQ(errorOfCard({{"{\"bufferView\": 0, \"componentType\": 5126, \"count\": 4",
+                            "{\"bufferView\": 0, \"componentType\": 5126, \"count\": 2"}}),
               "mesh 0 primitive 0: index 2 of 2 vertices");
-    EXPECT_EQ(errorOf({{"\"count\": 4, \"type\": \"VEC2\"", "\"count\": 4, \"type\": \"VEC3\""}}),
+    EXPECT_EQ(errorOfCard({{"\"count\": 4, \"type\": \"VEC2\"", "\"count\": 4, \"type\": \"VEC3\""}}),
               "mesh 0 primitive 0 TEXCOORD_0: accessor 1 has the wrong type");
-    EXPECT_EQ(errorOf({{"\"count\": 4, \"type\": \"VEC2\"", "\"count\": 3, \"type\": \"VEC2\""}}),
+    EXPECT_EQ(errorOfCard({{"\"count\": 4, \"type\": \"VEC2\"", "\"count\": 3, \"type\": \"VEC2\""}}),
               "mesh 0 primitive 0 has 3 texture coordinates for 4 vertices");
-    EXPECT_EQ(errorOf({{"\"byteOffset\": 12, ", "\"byteOffset\": 9223372036854775807, "}}),
+    EXPECT_EQ(errorOfCard({{"\"byteOffset\": 12, ", "\"byteOffset\": 9223372036854775807, "}}),
               "mesh 0 primitive 1 POSITION: accessor 3 reaches outside of its buffer view");
-    EXPECT_EQ(errorOf({{"\"byteOffset\": 48, \"byteLength\": 32", "\"byteOffset\": 480000, \"byteLength\": 32"}}),
+    EXPECT_EQ(errorOfCard({{"\"byteOffset\": 48, \"byteLength\": 32", "\"byteOffset\": 480000, \"byteLength\": 32"}}),
               "mesh 0 primitive 0 TEXCOORD_0: buffer view 1 reaches outside of its buffer");
-    EXPECT_EQ(errorOf({{"{\"buffer\": 0, \"byteLength\": 48}", "{\"buffer\": 5, \"byteLength\": 48}"}}),
+    EXPECT_EQ(errorOfCard({{"{\"buffer\": 0, \"byteLength\": 48}", "{\"buffer\": 5, \"byteLength\": 48}"}}),
               "mesh 0 primitive 0 POSITION: buffer view 0: buffer 5 does not exist");
-    EXPECT_NE(errorOf({{"\"count\": 4, \"type\": \"VEC3\"", "\"count\": 18446744073709551615, \"type\": \"VEC3\""}}),
-              "none");
+    EXPECT_NE(
+        errorOfCard({{"\"count\": 4, \"type\": \"VEC3\"", "\"count\": 18446744073709551615, \"type\": \"VEC3\""}}),
+        "none");
 }
 
 TEST(Gltf, ChecksImages)
 {
-    EXPECT_EQ(errorOf({{"\"byteOffset\": 92, ", "\"byteOffset\": 93, "}}),
+    EXPECT_EQ(errorOfCard({{"\"byteOffset\": 92, ", "\"byteOffset\": 93, "}}),
               "image 0: buffer view 3 reaches outside of its buffer");
-    EXPECT_EQ(errorOf({{"\"image/png\", \"bufferView\": 3", "\"image/png\", \"bufferView\": 0"}}).substr(0, 26),
+    EXPECT_EQ(errorOfCard({{"\"image/png\", \"bufferView\": 3", "\"image/png\", \"bufferView\": 0"}}).substr(0, 26),
               "image 0 cannot be decoded:");
-    EXPECT_EQ(errorOf({{"\"mimeType\": \"image/png\", \"bufferView\": 3", "\"uri\": \"nowhere.png\""}}),
+    EXPECT_EQ(errorOfCard({{"\"mimeType\": \"image/png\", \"bufferView\": 3", "\"uri\": \"nowhere.png\""}}),
               "image 0 (nowhere.png): no such file");
 }
 
@@ -191,14 +194,14 @@ TEST(Gltf, NestingIsLimited)
     std::string deep;
     for (int i = 0; i < 100000; ++i)
         deep += "[";
-    EXPECT_EQ(errorOf({{"\"scene\": 0", "\"extras\": " + deep}}), "the JSON is nested too deeply");
+    EXPECT_EQ(errorOfCard({{"\"scene\": 0", "\"extras\": " + deep}}), "the JSON is nested too deeply");
 }
 
 TEST(Gltf, EveryTruncationIsAnError)
 {
     const Bytes whole = cardGlb();
     for (size_t length = 0; length < whole.size(); length += length < 64 ? 1 : 13) {
-        EXPECT_THROW(read(Bytes(whole.begin(), whole.begin() + static_cast<ptrdiff_t>(length))), GltfError)
+        EXPECT_THROW(sceneOf(Bytes(whole.begin(), whole.begin() + static_cast<ptrdiff_t>(length))), GltfError)
             << length << " bytes";
         // The header's length adapted, so that more than the header has to notice.
         Bytes cut(whole.begin(), whole.begin() + static_cast<ptrdiff_t>(length));
@@ -206,7 +209,7 @@ TEST(Gltf, EveryTruncationIsAnError)
             continue;
         cut[8] = static_cast<uint8_t>(length);
         cut[9] = static_cast<uint8_t>(length >> 8);
-        EXPECT_THROW(read(cut), GltfError) << length << " bytes";
+        EXPECT_THROW(sceneOf(cut), GltfError) << length << " bytes";
     }
 }
 
@@ -219,7 +222,7 @@ TEST(Gltf, RandomDamageNeverCrashes)
         for (unsigned k = 0; k < 1 + random() % 4; ++k)
             damaged[random() % damaged.size()] = static_cast<uint8_t>(random());
         try {
-            read(damaged);
+            sceneOf(damaged);
         } catch (const GltfError &error) {
             EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
         }
@@ -231,7 +234,7 @@ TEST(Gltf, OtherFiles)
     const TemporaryFolder folder;
     EXPECT_THROW(readGltf(folder / "missing.glb"), GltfError);
     EXPECT_THROW(readGltf(folder.path()), GltfError);
-    EXPECT_THROW(read({}), GltfError);
-    EXPECT_THROW(read(Bytes(1000, 0x5a)), GltfError);
-    EXPECT_THROW(read({'{', '}'}), GltfError);
+    EXPECT_THROW(sceneOf({}), GltfError);
+    EXPECT_THROW(sceneOf(Bytes(1000, 0x5a)), GltfError);
+    EXPECT_THROW(sceneOf({'{', '}'}), GltfError);
 }

@@ -14,7 +14,7 @@ namespace
 
 // A file with one micromap, and the parts of it that tests change. Its buffer has the records, then the data, the
 // indices of 2 triangles, and the positions of 6 vertices.
-struct Sample {
+struct MicromapFile {
     std::vector<MicromapTriangle> records = {{0, 2, Format::FourState}, {4, 1, Format::TwoState}};
     Bytes data = {0x1b, 0x2c, 0x3d, 0x4e, 0x05};
     Bytes indices = {0, 0, 1, 0}; // 16-bit
@@ -38,20 +38,20 @@ struct Sample {
     [[nodiscard]] std::string finding() const;
 };
 
-void append(Bytes &bytes, uint64_t value, size_t count)
+void appendInteger(Bytes &bytes, uint64_t value, size_t count)
 {
     for (size_t i = 0; i < count; ++i)
         bytes.push_back(static_cast<uint8_t>(value >> (8 * i)));
 }
 
-Bytes Sample::file() const
+Bytes MicromapFile::file() const
 {
     Bytes binary;
     for (const MicromapTriangle &record : records) {
-        append(binary, record.dataOffset, 4);
-        append(binary, record.subdivisionLevel, 2);
-        append(binary, static_cast<uint16_t>(record.format), 2);
-        append(binary, 0, recordStride - 8);
+        appendInteger(binary, record.dataOffset, 4);
+        appendInteger(binary, record.subdivisionLevel, 2);
+        appendInteger(binary, static_cast<uint16_t>(record.format), 2);
+        appendInteger(binary, 0, recordStride - 8);
     }
     std::string views;
     const auto view = [&](size_t offset, size_t bytes, const std::string &more) {
@@ -81,21 +81,21 @@ Bytes Sample::file() const
                    binary);
 }
 
-std::vector<MicromapFinding> Sample::findings(size_t most) const
+std::vector<MicromapFinding> MicromapFile::findings(size_t most) const
 {
     const TemporaryFolder folder;
     writeFile(folder / "test.glb", file());
     return checkMicromaps(Document(folder / "test.glb"), most).findings;
 }
 
-StoredMicromaps Sample::read() const
+StoredMicromaps MicromapFile::read() const
 {
     const TemporaryFolder folder;
     writeFile(folder / "test.glb", file());
     return readMicromaps(Document(folder / "test.glb"));
 }
 
-std::string Sample::finding() const
+std::string MicromapFile::finding() const
 {
     const std::vector<MicromapFinding> found = findings();
     const std::string first = found.empty() ? "none" : found[0].place + ": " + found[0].message;
@@ -114,10 +114,10 @@ std::string Sample::finding() const
 
 TEST(StoredMicromaps, ReadsWhatTheFileHas)
 {
-    const StoredMicromaps stored = Sample().read();
+    const StoredMicromaps stored = MicromapFile().read();
     EXPECT_EQ(stored.extension, "EXT_mesh_opacity_micromap");
     ASSERT_EQ(stored.micromaps.size(), 1u);
-    EXPECT_EQ(stored.micromaps[0].data, Sample().data);
+    EXPECT_EQ(stored.micromaps[0].data, MicromapFile().data);
     EXPECT_EQ(stored.micromaps[0].usage,
               (std::vector<MicromapUsage>{{1, 1, Format::TwoState}, {1, 2, Format::FourState}}));
     ASSERT_EQ(stored.micromaps[0].triangles.size(), 2u);
@@ -131,7 +131,7 @@ TEST(StoredMicromaps, ReadsWhatTheFileHas)
 
 TEST(StoredMicromaps, KnowsTheEarlierSpelling)
 {
-    Sample sample;
+    MicromapFile sample;
     sample.extension = "KHR_mesh_opacity_micromap";
     EXPECT_EQ(sample.read().extension, sample.extension);
     EXPECT_EQ(sample.read().primitives.size(), 1u);
@@ -149,7 +149,7 @@ TEST(StoredMicromaps, HasNothingWhereThereIsNothing)
 
 TEST(StoredMicromaps, OneOfAPrimitiveHasOnlyWhatItUses)
 {
-    Sample sample;
+    MicromapFile sample;
     sample.primitive = R"("micromap": 0, "micromapIndices": 1, "micromapBaseTriangle": 1)";
     sample.indices = {0, 0, 0xfe, 0xff}; // the second is 0xfffe: opaque
     const auto micromap = sample.read().of({0, 0});
@@ -171,7 +171,7 @@ TEST(StoredMicromaps, ReadsEveryTypeOfIndexWithItsSpecialIndices)
                                                     {"5124", {1, 0, 0, 0, 0xfc, 0xff, 0xff, 0xff}},
                                                     {"5125", {1, 0, 0, 0, 0xfc, 0xff, 0xff, 0xff}}};
     for (const auto &[type, indices] : types) {
-        Sample sample;
+        MicromapFile sample;
         sample.componentType = type;
         sample.indices = indices;
         EXPECT_EQ(sample.read().primitives.at({0, 0}).indices, (std::vector<int32_t>{1, -4})) << type;
@@ -180,7 +180,7 @@ TEST(StoredMicromaps, ReadsEveryTypeOfIndexWithItsSpecialIndices)
 
 TEST(StoredMicromaps, MissingIndicesMeanTheTriangleNumber)
 {
-    Sample sample;
+    MicromapFile sample;
     sample.primitive = R"("micromap": 0)";
     EXPECT_EQ(sample.read().primitives.at({0, 0}).indices, (std::vector<int32_t>{0, 1}));
     sample.primitive = R"("micromap": 0, "micromapBaseTriangle": 1)";
@@ -190,7 +190,7 @@ TEST(StoredMicromaps, MissingIndicesMeanTheTriangleNumber)
 
 TEST(StoredMicromaps, RecordsMayHaveAStride)
 {
-    Sample sample;
+    MicromapFile sample;
     sample.recordStride = 12;
     sample.triangles = R"(, "byteStride": 12)";
     EXPECT_EQ(sample.read().micromaps[0].triangles[1].dataOffset, 4u);
@@ -204,7 +204,7 @@ TEST(StoredMicromaps, RecordsMayHaveAStride)
 
 TEST(StoredMicromaps, UsageMayRepeatAndMustAddUp)
 {
-    Sample sample;
+    MicromapFile sample;
     sample.records = {{0, 1, Format::FourState}, {1, 1, Format::FourState}, {2, 2, Format::TwoState}};
     sample.indices = {2, 0, 0, 0};
     sample.usage = R"("usageCounts": [1, 1, 1], "usageLevels": [1, 2, 1], "usageFormats": [2, 1, 2])";
@@ -239,7 +239,7 @@ TEST(StoredMicromaps, UsageIsChecked)
          "\"usageCounts\" is not an array with elements"},
         {R"("usageLevels": [1, 2], "usageFormats": [1, 2])", "\"usageCounts\" is missing"}};
     for (const auto &[usage, message] : cases) {
-        Sample sample;
+        MicromapFile sample;
         sample.usage = usage;
         EXPECT_EQ(sample.finding(), std::string("micromaps[0]: ") + message);
     }
@@ -254,7 +254,7 @@ TEST(StoredMicromaps, RecordsAreChecked)
         {{2, 2, Format::FourState}, "its data ends at byte 6 of 5"},
         {{0xfffffffe, 2, Format::FourState}, "its data ends at byte 4294967298 of 5"}};
     for (const auto &[record, message] : cases) {
-        Sample sample;
+        MicromapFile sample;
         sample.records[0] = record;
         EXPECT_EQ(sample.finding(), std::string("micromaps[0]: triangle 0: ") + message);
     }
@@ -262,7 +262,7 @@ TEST(StoredMicromaps, RecordsAreChecked)
 
 TEST(StoredMicromaps, RegionsOfDataMustNotOverlap)
 {
-    Sample sample;
+    MicromapFile sample;
     sample.records[1].dataOffset = 3;
     EXPECT_EQ(sample.finding(), "micromaps[0]: triangle 1: its data overlaps that of triangle 0");
     sample.records = {{2, 1, Format::TwoState}, {0, 2, Format::FourState}};
@@ -272,7 +272,7 @@ TEST(StoredMicromaps, RegionsOfDataMustNotOverlap)
 
 TEST(StoredMicromaps, BufferViewsAreChecked)
 {
-    Sample sample;
+    MicromapFile sample;
     sample.micromap = R"("data": 9, "triangles": 0)";
     EXPECT_EQ(sample.finding(), "micromaps[0]: \"data\": buffer view 9 does not exist");
     sample.micromap = R"("data": 4294967297, "triangles": 0)";
@@ -287,7 +287,7 @@ TEST(StoredMicromaps, BufferViewsAreChecked)
 
 TEST(StoredMicromaps, TheRootIsChecked)
 {
-    Sample sample;
+    MicromapFile sample;
     sample.root = R"({"micromaps": []})";
     EXPECT_EQ(sample.finding(), "extensions: EXT_mesh_opacity_micromap: \"micromaps\" is not an array with elements");
     sample.root = "7";
@@ -315,11 +315,11 @@ TEST(StoredMicromaps, PrimitivesAreChecked)
         {R"("micromap": 0, "micromapIndices": 1, "micromapBaseTriangle": 4294967295)",
          "triangle 0: index 0 + base triangle 4294967295 is outside of the micromap's 2 triangles"}};
     for (const auto &[primitive, message] : cases) {
-        Sample sample;
+        MicromapFile sample;
         sample.primitive = primitive;
         EXPECT_EQ(sample.finding(), std::string("mesh 0 \"leaves\" primitive 0: ") + message);
     }
-    Sample strip;
+    MicromapFile strip;
     strip.mode = "5";
     EXPECT_EQ(strip.finding(), "mesh 0 \"leaves\" primitive 0: its mode is 5, not 4 (TRIANGLES)");
 }
@@ -327,15 +327,15 @@ TEST(StoredMicromaps, PrimitivesAreChecked)
 TEST(StoredMicromaps, IndicesAreChecked)
 {
     const std::string where = "mesh 0 \"leaves\" primitive 0: ";
-    Sample sample;
+    MicromapFile sample;
     sample.indices = {0, 0, 2, 0};
     EXPECT_EQ(sample.finding(),
               where + "triangle 1: index 2 + base triangle 0 is outside of the micromap's 2 triangles");
-    sample = Sample();
+    sample = MicromapFile();
     sample.indices = {0, 0, 0, 0, 0, 0};
     sample.count = "3";
     EXPECT_EQ(sample.finding(), where + "micromapIndices: accessor 1 has 3 elements for 2 triangles");
-    sample = Sample();
+    sample = MicromapFile();
     sample.componentType = "5122";
     sample.indices = {0, 0, 0xfb, 0xff}; // -5
     EXPECT_EQ(sample.finding(),
@@ -343,7 +343,7 @@ TEST(StoredMicromaps, IndicesAreChecked)
     sample.componentType = "5126";
     EXPECT_EQ(sample.finding(),
               where + "micromapIndices: accessor 1 is not SCALAR of type 5121, 5122, 5123, 5124 or 5125");
-    sample = Sample();
+    sample = MicromapFile();
     sample.accessor = R"(, "byteOffset": 2)";
     EXPECT_EQ(sample.finding(), where + "micromapIndices: accessor 1 reaches outside of its buffer view");
     sample.indices = {0, 0, 0, 1, 0};
@@ -353,7 +353,7 @@ TEST(StoredMicromaps, IndicesAreChecked)
 
 TEST(StoredMicromaps, EveryFindingIsListed)
 {
-    Sample sample;
+    MicromapFile sample;
     sample.usage = R"("usageCounts": [1, 5], "usageLevels": [1, 2], "usageFormats": [1, 2])";
     sample.mode = "6";
     EXPECT_EQ(sample.findings().size(), 3u);
@@ -364,7 +364,7 @@ TEST(StoredMicromaps, EveryFindingIsListed)
 // Many elements may name the same bytes: what is copied of them is bounded.
 TEST(StoredMicromaps, AFewBytesDoNotBecomeMany)
 {
-    Sample sample;
+    MicromapFile sample;
     sample.data.resize(size_t{1} << 20);
     sample.root = R"({"micromaps": [)";
     for (int i = 0; i < 100; ++i)

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 
-namespace oracle
+namespace vellum::check::oracle
 {
 
 uint32_t setting(const char *name, uint32_t otherwise)
@@ -52,4 +52,4 @@ void compareScenes(vt::Gpu &gpu, const Limits &limits, uint32_t scenes, uint64_t
     }
 }
 
-} // namespace oracle
+} // namespace vellum::check::oracle

@@ -8,10 +8,8 @@
 #include "check/oracle/scene_build.h"
 #include "harness/harness.h"
 
-namespace oracle
+namespace vellum::check::oracle
 {
-
-using namespace vellum::check::oracle;
 
 // A number from the environment:
 //   VELLUM_ORACLE_SEED    seed of the first scene (each scene has its own: this plus its number)
@@ -29,4 +27,4 @@ using TraceScene = std::function<std::vector<Traced>(const Scene &, std::span<co
 // Traces `scenes` random scenes. Expects no fault, and at least `minimum` rays whose result is defined.
 void compareScenes(vt::Gpu &gpu, const Limits &limits, uint32_t scenes, uint64_t minimum, const TraceScene &trace);
 
-} // namespace oracle
+} // namespace vellum::check::oracle

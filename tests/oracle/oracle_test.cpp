@@ -9,7 +9,7 @@
 namespace
 {
 
-using namespace oracle;
+using namespace vellum::check::oracle;
 using namespace vellum::check;
 
 std::vector<Traced> checked(const Scene &scene, std::span<const Hits> hits, const std::vector<vt::Result> &results)
@@ -21,7 +21,7 @@ std::vector<Traced> checked(const Scene &scene, std::span<const Hits> hits, cons
     return traced;
 }
 
-void compare(vt::Gpu &gpu, const Limits &limits, uint32_t scenes, uint64_t minimum)
+void compareQueries(vt::Gpu &gpu, const Limits &limits, uint32_t scenes, uint64_t minimum)
 {
     vt::Tracer tracer(gpu);
     compareScenes(gpu, limits, scenes, minimum, [&](const Scene &scene, std::span<const Hits> hits) {
@@ -93,36 +93,37 @@ protected:
 // Checks that oracle and driver agree without Vellum.
 TEST_F(OracleWithoutLayer, PlainScenes)
 {
-    compare(gpu(), {.micromaps = false}, 40, 20000);
+    compareQueries(gpu(), {.micromaps = false}, 40, 20000);
 }
 
 // As above, with geometry in all its forms.
 TEST_F(OracleWithoutLayer, UnusualGeometry)
 {
-    compare(gpu(),
-            {.micromaps = false, .unusual = 80, .inactive = !gpu().onLavapipe26(), .formats = gpu().vertexFormats()},
-            60, 20000);
+    compareQueries(
+        gpu(), {.micromaps = false, .unusual = 80, .inactive = !gpu().onLavapipe26(), .formats = gpu().vertexFormats()},
+        60, 20000);
 }
 
 TEST_F(Oracle, UnusualGeometry)
 {
-    compare(gpu(), {.unusual = 80, .inactive = !gpu().onLavapipe26(), .formats = gpu().vertexFormats()}, 60, 20000);
+    compareQueries(gpu(), {.unusual = 80, .inactive = !gpu().onLavapipe26(), .formats = gpu().vertexFormats()}, 60,
+                   20000);
 }
 
 TEST_F(Oracle, RandomScenes)
 {
-    compare(gpu(), {}, 400, 200000);
+    compareQueries(gpu(), {}, 400, 200000);
 }
 
 // Fewer and finer: micromaps up to level 9.
 TEST_F(Oracle, FineMicromaps)
 {
-    compare(gpu(), {.maxLevel = 9, .rays = 400}, 20, 1000);
+    compareQueries(gpu(), {.maxLevel = 9, .rays = 400}, 20, 1000);
 }
 
 TEST_F(Oracle, PlainScenes)
 {
-    compare(gpu(), {.micromaps = false}, 40, 20000);
+    compareQueries(gpu(), {.micromaps = false}, 40, 20000);
 }
 
 TEST_F(PackedOracle, RandomScenes)

@@ -9,9 +9,9 @@
 namespace
 {
 
-using namespace oracle;
+using namespace vellum::check::oracle;
 
-void compare(vt::Gpu &gpu, const Limits &limits, uint32_t scenes, uint64_t minimum)
+void comparePipelines(vt::Gpu &gpu, const Limits &limits, uint32_t scenes, uint64_t minimum)
 {
     vt::PipelineTracer tracer(gpu, {.groups = {kHitGroups.begin(), kHitGroups.end()},
                                     .records = {kHitRecords.begin(), kHitRecords.end()},
@@ -41,23 +41,23 @@ protected:
 // Checks that oracle and driver agree without Vellum.
 TEST_F(PipelineOracleWithoutLayer, PlainScenes)
 {
-    compare(gpu(), {.micromaps = false}, 40, 20000);
+    comparePipelines(gpu(), {.micromaps = false}, 40, 20000);
 }
 
 TEST_F(PipelineOracle, RandomScenes)
 {
-    compare(gpu(), {}, 400, 200000);
+    comparePipelines(gpu(), {}, 400, 200000);
 }
 
 // Fewer and finer: micromaps up to level 9.
 TEST_F(PipelineOracle, FineMicromaps)
 {
-    compare(gpu(), {.maxLevel = 9, .rays = 400}, 20, 1000);
+    comparePipelines(gpu(), {.maxLevel = 9, .rays = 400}, 20, 1000);
 }
 
 TEST_F(PipelineOracle, PlainScenes)
 {
-    compare(gpu(), {.micromaps = false}, 40, 20000);
+    comparePipelines(gpu(), {.micromaps = false}, 40, 20000);
 }
 
 } // namespace

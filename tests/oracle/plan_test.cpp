@@ -8,7 +8,7 @@
 namespace
 {
 
-using namespace oracle;
+using namespace vellum::check::oracle;
 using Plan = vellum::check::TracePlan;
 using vellum::check::missingFor;
 using vellum::check::PlannedTracer;

@@ -7,7 +7,7 @@
 namespace
 {
 
-using namespace oracle;
+using namespace vellum::check::oracle;
 
 // A change of a result, where there is something to change; false: nothing was changed.
 template <class R>

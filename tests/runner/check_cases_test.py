@@ -13,7 +13,7 @@ PROGRAM = sys.argv.pop(1)
 
 
 class CheckCases(unittest.TestCase):
-    def check(self, *filters, compiled=("a_test.cpp",)):
+    def check(self, *filters, compiled=("a_test.cpp",), batch=""):
         with tempfile.TemporaryDirectory() as folder:
             build = pathlib.Path(folder)
             tests = [f"add_test(t{at} [==[{PROGRAM}]==] [==[--gtest_filter={one}]==])\n" for at, one in enumerate(filters)]
@@ -21,6 +21,8 @@ class CheckCases(unittest.TestCase):
             (build / "programs").write_text(PROGRAM + "\n", encoding="utf-8")
             (build / "tests").mkdir()
             (build / "tests" / "a_test.cpp").touch()
+            (build / "tests" / "Unity").mkdir()
+            (build / "tests" / "Unity" / "unity_a_cxx.cxx").write_text(f'#include "{build}/tests/{batch}"\n', encoding="utf-8")
             (build / "compile_commands.json").write_text(
                 json.dumps([{"file": str(build / "tests" / file)} for file in compiled]), encoding="utf-8")
             result = subprocess.run([sys.executable, CHECK, f"--build={build}", f"--tests={build / 'tests'}",
@@ -49,6 +51,12 @@ class CheckCases(unittest.TestCase):
 
     def test_file_that_is_not_compiled(self):
         status, lines = self.check("*", compiled=("b_test.cpp",))
+        self.assertEqual(status, 1)
+        self.assertIn("never compiled: a_test.cpp", lines)
+
+    def test_file_of_a_batch(self):
+        self.assertEqual(self.check("*", compiled=("Unity/unity_a_cxx.cxx",), batch="a_test.cpp")[0], 0)
+        status, lines = self.check("*", compiled=("Unity/unity_a_cxx.cxx",), batch="b_test.cpp")
         self.assertEqual(status, 1)
         self.assertIn("never compiled: a_test.cpp", lines)
 

@@ -29,7 +29,7 @@ const std::vector<Candidate> kScript{{1, true}, {2, false}, {3, true}, {4, false
 const Seen kAll{1, 2, 3, 4}, kUndecided{2, 4};
 
 // %trace stores the name of every candidate that the application sees.
-const char *const kTrace = R"(
+const char *const kTraceFunction = R"(
   %trace = OpFunction %void None %fun
   %param = OpFunctionParameter %ptr_query
   %start = OpLabel
@@ -86,8 +86,8 @@ std::string modeText(const std::string &entry, const std::string &operand)
 
 std::string oneEntry(const std::string &operand, const std::string &globals = "", const std::string &body = "")
 {
-    std::string text =
-        withDeclarations(moduleText(body + "%call = OpFunctionCall %void %trace %q\n", kConstants + globals, kTrace));
+    std::string text = withDeclarations(
+        moduleText(body + "%call = OpFunctionCall %void %trace %q\n", kConstants + globals, kTraceFunction));
     put(text, "OpName", modeText("main", operand));
     return text;
 }

@@ -19,7 +19,8 @@ using Seen = std::vector<uint32_t>;
 
 constexpr uint32_t kTraced = Machine::kTraced, kExecuted = Machine::kExecuted;
 
-spirv::RewriteResult rewriteAs(const Module &words, const spirv::HiddenFlags &hidden, const char *entryPoint = "main")
+spirv::RewriteResult rewriteRayGeneration(const Module &words, const spirv::HiddenFlags &hidden,
+                                          const char *entryPoint = "main")
 {
     spirv::RewriteOptions options{.rootAddress = 0x1000,
                                   .pipelineStage = spirv::PipelineStage{entryPoint, spv::ExecutionModelRayGenerationKHR,
@@ -160,7 +161,7 @@ const std::string kTraceWithItsFlags =
 // Runs a ray generation shader of a pipeline that passes flags in payloads.
 Seen run(const Module &words, const char *entryPoint = "main")
 {
-    const auto result = rewriteAs(words, {kNoneFixed, 0}, entryPoint);
+    const auto result = rewriteRayGeneration(words, {kNoneFixed, 0}, entryPoint);
     EXPECT_EQ(result.status, Status::Rewritten) << result.error;
     if (result.status != Status::Rewritten)
         return {};
@@ -173,7 +174,7 @@ TEST(HitObjects, KeepTheHiddenFlagsOfTheirRay)
     const Module words = hitObjects(traceObject("%opaque") + traceRay("%cull") + executeNV() + recordMissNV("%own") +
                                     executeNV("%own") + executeNV());
     EXPECT_EQ(run(words), (Seen{1, kTraced, 128, kTraced, 1, kExecuted, 0, kExecuted, 1, kExecuted}));
-    const auto result = rewriteAs(words, {kNoneFixed, 0});
+    const auto result = rewriteRayGeneration(words, {kNoneFixed, 0});
     EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
 }
 
@@ -184,7 +185,7 @@ TEST(HitObjects, KeepFlagsThatAreComputed)
         hitObjects("OpStore %computed %opaque\n%c = OpLoad %uint %computed\n%d = OpBitwiseOr %uint %c %skip\n" +
                    traceObject("%d") + executeNV());
     EXPECT_EQ(run(words), (Seen{1, kTraced | 256, 1, kExecuted | 256}));
-    const auto result = rewriteAs(words, {kNoneFixed, 0});
+    const auto result = rewriteRayGeneration(words, {kNoneFixed, 0});
     EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
 }
 
@@ -202,7 +203,7 @@ TEST(HitObjects, FunctionsGetTheFlags)
      OpFunctionEnd
 )");
     EXPECT_EQ(run(words), (Seen{1, kTraced, 1, kExecuted, 0, kExecuted}));
-    const auto result = rewriteAs(words, {kNoneFixed, 0});
+    const auto result = rewriteRayGeneration(words, {kNoneFixed, 0});
     EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
 }
 
@@ -210,7 +211,7 @@ TEST(HitObjects, ArraysHaveArraysOfFlags)
 {
     const Module words =
         hitObjects("%one = OpAccessChain %op %objects %zero\n" + traceObject("%opaque", "%one") + executeNV("%one"));
-    const auto result = rewriteAs(words, {kNoneFixed, 0});
+    const auto result = rewriteRayGeneration(words, {kNoneFixed, 0});
     ASSERT_EQ(result.status, Status::Rewritten) << result.error;
     EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
     EXPECT_EQ(count(disassemble(result.words), "OpTypeArray %uint %uint_2"), 1u) << disassemble(result.words);
@@ -280,16 +281,16 @@ TEST(HitObjects, CopiesAreRejected)
 {
     const std::string copy = "%copied = OpLoad %hit %object\nOpStore %own %copied\n" + executeNV("%own");
     const Module words = assemble(moduleOf(traceObject("%opaque") + copy, traceObject("%opaque", "%object", "%t")));
-    const auto reached = rewriteAs(words, {kNoneFixed, 0}, "main");
+    const auto reached = rewriteRayGeneration(words, {kNoneFixed, 0}, "main");
     EXPECT_EQ(reached.status, Status::Failed);
     EXPECT_NE(reached.error.find("copies a hit object"), std::string::npos) << reached.error;
-    EXPECT_EQ(rewriteAs(words, {kNoneFixed, 0}, "other").status, Status::Rewritten);
+    EXPECT_EQ(rewriteRayGeneration(words, {kNoneFixed, 0}, "other").status, Status::Rewritten);
 }
 
 TEST(HitObjects, PassWhereFlagsAreConstant)
 {
     for (const std::string &use : {traceObject("%opaque"), recordMissNV(), executeNV()})
-        EXPECT_EQ(rewriteAs(hitObjects(use), {kAllFixed, 1}).status, Status::Rewritten) << use;
+        EXPECT_EQ(rewriteRayGeneration(hitObjects(use), {kAllFixed, 1}).status, Status::Rewritten) << use;
     const auto tracedFlags = [](const Module &words) { return spirv::scan(words).traced; };
     const spirv::TracedFlags opaque{.traces = true, .constant = 1}, none{.traces = true},
         differ{.traces = true, .fixed = kAllFixed & ~1u};
@@ -302,14 +303,14 @@ TEST(HitObjects, PassWhereFlagsAreConstant)
     // The ray flags of a recorded miss are like those of a ray.
     EXPECT_EQ(tracedFlags(extHitObjects(recordMissEXT("%opaque") + traceRay("%opaque"))), opaque);
     EXPECT_EQ(tracedFlags(extHitObjects(recordMissEXT("%noOpaque") + traceRay("%opaque"))), differ);
-    const auto constant = rewriteAs(extHitObjects(recordMissEXT("%opaque")), {kAllFixed, 1});
+    const auto constant = rewriteRayGeneration(extHitObjects(recordMissEXT("%opaque")), {kAllFixed, 1});
     EXPECT_EQ(Machine(constant.words, {}).run(), (Seen{kTraced}));
     // An object that is recorded from a query has the query's flags, and the application can read them.
     EXPECT_EQ(tracedFlags(extHitObjects(initialize("%skip") + kRecordFromQuery)), none);
     const Module reads = extHitObjects(initialize("%opaque") + kRecordFromQuery +
                                        "%flags = OpHitObjectGetShaderBindingTableRecordIndexNV %uint %object\n"
                                        "%cell = OpAccessChain %up %computed\nOpStore %cell %flags\n");
-    EXPECT_EQ(Machine(rewriteAs(reads, {kAllFixed, 1}).words, {}).run(), (Seen{1}));
+    EXPECT_EQ(Machine(rewriteRayGeneration(reads, {kAllFixed, 1}).words, {}).run(), (Seen{1}));
     EXPECT_EQ(tracedFlags(extHitObjects(initialize("%opaque") + kRecordFromQuery)), opaque);
     const std::string computed = "%c = OpLoad %uint %computed\n";
     EXPECT_EQ(tracedFlags(extHitObjects(computed + initialize("%c") + kRecordFromQuery)),

@@ -11,7 +11,7 @@ namespace vellum::test
 namespace
 {
 
-std::string declaring(const std::string &declarations, const std::string &mode = "")
+std::string moduleDeclaring(const std::string &declarations, const std::string &mode = "")
 {
     std::string text = moduleText("");
     text.insert(text.find("OpExtension"), declarations);
@@ -23,26 +23,27 @@ TEST(Translate, KeepsOtherModules)
 {
     const Module plain = assemble(moduleText(""));
     EXPECT_TRUE(spirv::translateToExt(plain).words.empty());
-    const Module ext = assemble(declaring("OpCapability !5381\nOpExtension \"SPV_EXT_opacity_micromap\"\n"));
+    const Module ext = assemble(moduleDeclaring("OpCapability !5381\nOpExtension \"SPV_EXT_opacity_micromap\"\n"));
     EXPECT_TRUE(spirv::translateToExt(ext).words.empty());
 }
 
 TEST(Translate, NamesTheExtensionOnce)
 {
-    const Module khr = assemble(declaring("OpCapability !5381\nOpExtension \"SPV_KHR_opacity_micromap\"\n"));
+    const Module khr = assemble(moduleDeclaring("OpCapability !5381\nOpExtension \"SPV_KHR_opacity_micromap\"\n"));
     const std::string translated = disassemble(spirv::translateToExt(khr).words);
     EXPECT_EQ(count(translated, "SPV_EXT_opacity_micromap"), 1u) << translated;
     EXPECT_EQ(count(translated, "SPV_KHR_opacity_micromap"), 0u) << translated;
-    const Module both = assemble(declaring("OpCapability !5381\nOpExtension \"SPV_KHR_opacity_micromap\"\n"
-                                           "OpExtension \"SPV_EXT_opacity_micromap\"\n"));
+    const Module both = assemble(moduleDeclaring("OpCapability !5381\nOpExtension \"SPV_KHR_opacity_micromap\"\n"
+                                                 "OpExtension \"SPV_EXT_opacity_micromap\"\n"));
     EXPECT_EQ(spirv::translateToExt(both).words,
-              assemble(declaring("OpCapability !5381\nOpExtension \"SPV_EXT_opacity_micromap\"\n")));
+              assemble(moduleDeclaring("OpCapability !5381\nOpExtension \"SPV_EXT_opacity_micromap\"\n")));
 }
 
 TEST(Translate, RemovesTheMode)
 {
     const std::string mode = "OpExecutionModeId %main !6031 %true\n";
-    const Module words = assemble(declaring("OpCapability !6032\nOpExtension \"SPV_KHR_opacity_micromap\"\n", mode));
+    const Module words =
+        assemble(moduleDeclaring("OpCapability !6032\nOpExtension \"SPV_KHR_opacity_micromap\"\n", mode));
     const spirv::TranslateResult result = spirv::translateToExt(words);
     EXPECT_FALSE(result.queriesForget);
     const std::string text = disassemble(result.words);
@@ -60,8 +61,8 @@ TEST(Translate, ReportsForgottenModes)
 // The scan never reads beyond the words.
 TEST(Translate, WordsThatAreCutShort)
 {
-    const Module words = assemble(declaring("OpCapability !6032\nOpExtension \"SPV_KHR_opacity_micromap\"\n",
-                                            "OpExecutionModeId %main !6031 %true\n"));
+    const Module words = assemble(moduleDeclaring("OpCapability !6032\nOpExtension \"SPV_KHR_opacity_micromap\"\n",
+                                                  "OpExecutionModeId %main !6031 %true\n"));
     for (size_t length = 0; length <= words.size(); ++length) {
         const Module cut(words.begin(), words.begin() + static_cast<ptrdiff_t>(length));
         const Module result = spirv::translateToExt(cut).words;

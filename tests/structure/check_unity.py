@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Finds names that are defined twice:
-- in the anonymous namespaces of two sources of one folder: users compile the sources of a folder as one
-  (cmake/unity.cmake). Functions may be overloaded, aliases may mean the same.
+- in the anonymous namespaces of two sources of one folder of src/ or tests/: a unity build compiles the sources of a folder as
+  one (cmake/unity.cmake). Functions may be overloaded, aliases may mean the same.
 - types that two files define in one namespace: a program in which both are takes the functions of one for those of the other,
   without a word from the linker ([basic.def.odr]).
 
@@ -13,17 +13,21 @@ import re
 
 import findings
 
+# Their targets have the property UNITY_BUILD OFF.
+FILE_BY_FILE = ("tests/layer/faulty_driver", "tests/layer/layers", "tests/validation")
+# It defines types of src/ once more, for a program that does not have the originals.
+REPLACEMENT = "tests/command/check/fake_groups.cpp"
 SYSTEM = re.compile(r"_(posix|windows)\.cpp$")  # one of the two is compiled
 TYPE = re.compile(r"^(?:enum class|enum|struct|class|union) (\w+)", re.M)
 USING = re.compile(r"^using (\w+) = ([^;]*);", re.M)
-OTHER = re.compile(r"^(?!template|requires|using|namespace|return)[A-Za-z_:][\w:<>,*&\[\] ]*[ *&](\w+)\s*(?:[={\[;]|\(([^()]*)\))", re.M)
+OTHER = re.compile(r"^(?!(?:template|requires|using|namespace|return|enum|struct|class|union)\b)[A-Za-z_:][\w:<>,*&\[\] ]*[ *&](\w+)\s*(?:[={\[;]|\(([^()]*)\))", re.M)
 
 
 def definitions(text):
     """Name, and what makes another definition legal: other parameters of a function, the same meaning of an alias; None: it must
     not be there. Aliases count outside of anonymous namespaces, too."""
     outer = ""  # the open namespaces, except those that end on the same line
-    for part in re.split(r"^(?=namespace\b)|^(?<=\} // namespace\n)", text, flags=re.M):
+    for part in re.split(r"^(?=namespace\b(?! \w+ =))|^(?<=\} // namespace\n)", text, flags=re.M):
         named = re.match(r"namespace ([\w:]+)\n", part)
         if named:
             outer += "::" + named[1]
@@ -36,7 +40,7 @@ def definitions(text):
             if found[2] is None or "=" in found[2]:
                 yield outer + "::" + found[1], None
             else:
-                yield outer + "::" + found[1], tuple(re.sub(r"\s*\w+$", "", parameter.strip())
+                yield outer + "::" + found[1], tuple(re.sub(r"\s*\w+$", "", parameter.strip()).replace("std::filesystem", "fs")
                                                      for parameter in found[2].split(","))
 
 
@@ -73,10 +77,11 @@ def clashes(first, second):
 
 def check(root):
     found, count = set(), 0
-    texts = {path: path.read_text(encoding="utf-8") for path in sorted((root / "src").rglob("*")) if path.suffix in (".h", ".cpp")}
+    texts = {path: path.read_text(encoding="utf-8") for folder in ("src", "tests") for path in sorted((root / folder).rglob("*"))
+             if path.suffix in (".h", ".cpp")}
     folders = collections.defaultdict(list)
     for path in texts:
-        if path.suffix == ".cpp":
+        if path.suffix == ".cpp" and str(path.parent.relative_to(root)) not in FILE_BY_FILE:
             folders[path.parent].append(path)
     for folder, paths in folders.items():
         defined = collections.defaultdict(list)
@@ -90,6 +95,8 @@ def check(root):
                 defined[name].append((path, detail))
     having = collections.defaultdict(list)
     for path, text in texts.items():
+        if path == root / REPLACEMENT:
+            continue
         for name in set(types(text)):
             count += 1
             having[name].append(path)

@@ -14,10 +14,10 @@ def source(*lines):
     return "namespace vellum\n{\nnamespace\n{\n\n" + "\n".join(lines) + "\n\n} // namespace\n\nvoid f();\n} // namespace vellum\n"
 
 
-def run(first, second, other="src/part/second.cpp"):
+def run(first, second, other="src/part/second.cpp", name="src/part/first_posix.cpp"):
     with tempfile.TemporaryDirectory() as folder:
         root = pathlib.Path(folder)
-        for name, text in {"src/part/first_posix.cpp": first, other: second}.items():
+        for name, text in {name: first, other: second}.items():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
             (root / name).write_text(text, encoding="utf-8")
         result = subprocess.run([sys.executable, str(CHECK), folder], stdout=subprocess.PIPE, text=True, check=False)
@@ -38,6 +38,22 @@ class CheckUnity(unittest.TestCase):
         text = source("constexpr int kOne = 1;")
         self.assertEqual(run(text, text, "src/other/second.cpp")[0], 0)
         self.assertEqual(run(text, text, "src/part/first_windows.cpp")[0], 0)
+
+    def test_tests(self):
+        text = source("constexpr int kOne = 1;")
+        code, out = run(text, text, "tests/part/b_test.cpp", "tests/part/a_test.cpp")
+        self.assertEqual(code, 1)
+        self.assertIn("tests/part: vellum::kOne is defined in a_test.cpp and in b_test.cpp", out)
+        # Files that are compiled one by one, and a type, so that something is checked.
+        self.assertEqual(run(text, text + "struct A {\n};\n", "tests/validation/b.cpp", "tests/validation/a.cpp")[0], 0)
+
+    def test_base_classes(self):
+        self.assertEqual(run(source("class First : public Base", "{", "};"), source("class Second final : public Base", "{", "};"))[0], 0)
+
+    def test_aliases_of_namespaces(self):
+        text = source("namespace fs = std::filesystem;", "constexpr int kOne = 1;")
+        self.assertEqual(run(text, text)[0], 1)
+        self.assertEqual(run(source("namespace fs = std::filesystem;"), source("namespace fs = std::filesystem;", "int two;"))[0], 0)
 
     def test_overloads(self):
         self.assertEqual(run(source("int f(int a)"), source("int f(float a)"))[0], 0)

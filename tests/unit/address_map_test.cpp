@@ -14,7 +14,7 @@ namespace
 
 using vellum::layer::AddressMap;
 
-VkBuffer handle(uint64_t value)
+VkBuffer bufferHandle(uint64_t value)
 {
     return reinterpret_cast<VkBuffer>(value);
 }
@@ -123,7 +123,7 @@ TEST(AddressMap, AgreesWithALookAtEveryBuffer)
             if (model.count() > 0 && upTo(2) == 0)
                 model.remove(upTo(static_cast<uint32_t>(model.count() - 1)), upTo(1) == 0);
             else
-                model.add({handle(step), 1 + upTo(60), 1 + upTo(upTo(1) ? 4 : 40), upTo(7)});
+                model.add({bufferHandle(step), 1 + upTo(60), 1 + upTo(upTo(1) ? 4 : 40), upTo(7)});
             for (int look = 0; look < 20; ++look) {
                 model.expectFind(upTo(110));
                 model.expectCovering(upTo(110), upTo(20), upTo(7));
@@ -142,26 +142,26 @@ TEST(AddressMap, ABufferOverAllOthers)
     constexpr uint64_t kBuffers = 20000, kBytes = 65536, kFirst = uint64_t{1} << 40;
     AddressMap map;
     for (uint64_t i = 0; i < kBuffers; ++i)
-        map.add(kFirst + i * kBytes, handle(i + 2), kBytes, 0);
+        map.add(kFirst + i * kBytes, bufferHandle(i + 2), kBytes, 0);
     const auto processorTime = [&map] {
         const std::clock_t start = std::clock();
         for (uint64_t i = 0; i < kBuffers; ++i)
-            EXPECT_NE(map.find(kFirst + i * 7919 % kBuffers * kBytes + 64).buffer, handle(0));
+            EXPECT_NE(map.find(kFirst + i * 7919 % kBuffers * kBytes + 64).buffer, bufferHandle(0));
         return std::clock() - start;
     };
     const std::clock_t alone = processorTime();
-    map.add(kFirst, handle(1), kBuffers * kBytes, 0);
+    map.add(kFirst, bufferHandle(1), kBuffers * kBytes, 0);
     EXPECT_LT(processorTime(), 50 * (alone + 1));
 }
 
 TEST(AddressMap, RangesThatWouldWrapAreInNoBuffer)
 {
     AddressMap map;
-    map.add(0x1000, handle(1), 0x100, 0);
-    EXPECT_EQ(map.covering(0x1010, UINT64_MAX, 0).buffer, handle(0));
-    EXPECT_EQ(map.covering(0x1010, UINT64_MAX - 0x100f, 0).buffer, handle(0));
-    EXPECT_EQ(map.covering(0x1000, 0x100, 0).buffer, handle(1));
-    EXPECT_EQ(map.covering(0x1000, 0x101, 0).buffer, handle(0));
+    map.add(0x1000, bufferHandle(1), 0x100, 0);
+    EXPECT_EQ(map.covering(0x1010, UINT64_MAX, 0).buffer, bufferHandle(0));
+    EXPECT_EQ(map.covering(0x1010, UINT64_MAX - 0x100f, 0).buffer, bufferHandle(0));
+    EXPECT_EQ(map.covering(0x1000, 0x100, 0).buffer, bufferHandle(1));
+    EXPECT_EQ(map.covering(0x1000, 0x101, 0).buffer, bufferHandle(0));
     EXPECT_EQ(map.within(0x10f0, UINT64_MAX).size(), 1u);
 }
 
@@ -171,23 +171,23 @@ TEST(AddressMap, HiddenBuffersKeepTheirOwner)
     AddressMap map;
     // The map never dereferences the owned handle.
     const AddressMap::Owner owner(reinterpret_cast<vellum::layer::DriverBuffer *>(1), [](auto *) {});
-    map.add(0x1000, handle(1), 0x100, 0, owner);
-    map.hide(handle(1));
-    map.hide(handle(2));
-    map.add(0x1000, handle(3), 0x80, 0);
-    EXPECT_EQ(map.find(0x1000).buffer, handle(3));
-    EXPECT_EQ(map.find(0x1080).buffer, handle(0));
-    EXPECT_EQ(map.remove(handle(1)), owner);
-    EXPECT_EQ(map.find(0x1000).buffer, handle(3));
+    map.add(0x1000, bufferHandle(1), 0x100, 0, owner);
+    map.hide(bufferHandle(1));
+    map.hide(bufferHandle(2));
+    map.add(0x1000, bufferHandle(3), 0x80, 0);
+    EXPECT_EQ(map.find(0x1000).buffer, bufferHandle(3));
+    EXPECT_EQ(map.find(0x1080).buffer, bufferHandle(0));
+    EXPECT_EQ(map.remove(bufferHandle(1)), owner);
+    EXPECT_EQ(map.find(0x1000).buffer, bufferHandle(3));
 }
 
 TEST(AddressMap, AddressZeroIsNoAddress)
 {
     AddressMap map;
-    map.add(0, handle(1), 0x100, 0);
-    EXPECT_EQ(map.find(0).buffer, handle(0));
-    map.remove(handle(1));
-    map.remove(handle(2));
+    map.add(0, bufferHandle(1), 0x100, 0);
+    EXPECT_EQ(map.find(0).buffer, bufferHandle(0));
+    map.remove(bufferHandle(1));
+    map.remove(bufferHandle(2));
 }
 
 } // namespace

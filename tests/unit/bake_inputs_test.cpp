@@ -52,7 +52,7 @@ AlphaTexture noise(unsigned seed, uint32_t width, uint32_t height)
 const std::vector<TriangleUvs> kTriangles = {
     {{{0, 0}, {1, 0}, {0, 1}}}, {{{0.25f, 0.5f}, {0.875f, 0.125f}, {0.5f, 1.5f}}}, {{{2, 2}, {1, 1}, {3, 1.0f}}}};
 
-BakeOptions atLevel(uint32_t level)
+BakeOptions exactlyAtLevel(uint32_t level)
 {
     BakeOptions o;
     o.level = level;
@@ -127,7 +127,7 @@ TEST(BakeInputs, CodesAreBakedAsTheirValues)
         for (TriangleUvs &uvs : triangles)
             for (TexCoord &corner : uvs)
                 corner = {static_cast<float>(random.uniform(-1, 2)), static_cast<float>(random.uniform(-1, 2))};
-        BakeOptions options = atLevel(random() % 6);
+        BakeOptions options = exactlyAtLevel(random() % 6);
         options.test = static_cast<AlphaTest>(random() % 4);
         const BakeResult a = bake(codes, triangles, options);
         const BakeResult b = bake(values, triangles, options);
@@ -217,7 +217,7 @@ TEST(BakeInputs, AlphaTests)
          {AlphaTest::GreaterOrEqual, AlphaTest::Greater, AlphaTest::LessOrEqual, AlphaTest::Less}) {
         const bool greater = test == AlphaTest::GreaterOrEqual || test == AlphaTest::Greater;
         const bool orEqual = test == AlphaTest::GreaterOrEqual || test == AlphaTest::LessOrEqual;
-        BakeOptions o = atLevel(2);
+        BakeOptions o = exactlyAtLevel(2);
         o.test = test;
         for (const float alpha : {0.25f, 0.5f, 0.75f}) {
             AlphaTexture t;
@@ -230,7 +230,7 @@ TEST(BakeInputs, AlphaTests)
     }
     // Elsewhere, one is the contrary of the other.
     const AlphaTexture t = noise(5, 7, 3);
-    BakeOptions o = atLevel(4);
+    BakeOptions o = exactlyAtLevel(4);
     const BakeResult at = bake(t, kTriangles, o);
     o.test = AlphaTest::Less;
     const BakeResult below = bake(t, kTriangles, o);
@@ -243,7 +243,7 @@ TEST(BakeInputs, AlphaTests)
 TEST(BakeInputs, MipChains)
 {
     const std::vector<AlphaTexture> mips = {noise(1, 9, 6), noise(2, 4, 3), noise(3, 2, 1), noise(4, 1, 1)};
-    const BakeOptions o = atLevel(5);
+    const BakeOptions o = exactlyAtLevel(5);
     const BakeInput input{mips, kTriangles};
     const BakeResult together = bake(std::span(&input, 1), o);
     std::vector<BakeResult> alone;

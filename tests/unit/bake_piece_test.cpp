@@ -14,19 +14,19 @@ using namespace vellum;
 namespace
 {
 
-struct Tally {
+struct PieceTally {
     size_t all = 0;
     size_t quickOpen = 0;
     size_t open = 0;
     size_t wrong = 0;
 };
 
-class Case
+class PieceCase
 {
 public:
     // Coordinates on a grid, where alpha equals the cutoff and sides run along borders of cells, or anywhere; values
     // and coordinates of any magnitude.
-    explicit Case(unsigned seed) : random_(seed)
+    explicit PieceCase(unsigned seed) : random_(seed)
     {
         constexpr uint32_t kSizes[] = {1, 2, 3, 5, 8, 13};
         texture.width = kSizes[random_() % std::size(kSizes)];
@@ -60,7 +60,7 @@ public:
         level = random_() % 4;
     }
 
-    void compare(Tally &tally)
+    void compare(PieceTally &tally)
     {
         const Thresholds thresholds{options.cutoff, options.cutoff};
         const CellMap map(texture, thresholds);
@@ -90,7 +90,7 @@ public:
 
 private:
     void compare(const SubTriangle &sub, const std::vector<Cell> &cells, const Placement &place, const PieceTest &piece,
-                 const ExactTriangle &exact, Tally &tally)
+                 const ExactTriangle &exact, PieceTally &tally)
     {
         const auto truth = [&](Cell cell) {
             cell.x += place.unwrappedX - place.baseX;
@@ -130,9 +130,9 @@ private:
 
 TEST(BakePiece, QuickTestsNeverContradictTheExactOne)
 {
-    Tally tally;
+    PieceTally tally;
     for (unsigned seed = 0; seed < 3000 && tally.wrong == 0; ++seed) {
-        Case c(seed);
+        PieceCase c(seed);
         if (!usable(c.uvs, c.texture))
             continue;
         c.compare(tally);

@@ -14,10 +14,10 @@ using namespace vellum;
 namespace
 {
 
-class Case
+class BakeCase
 {
 public:
-    explicit Case(unsigned seed) : random_(seed)
+    explicit BakeCase(unsigned seed) : random_(seed)
     {
         texture.width = 1 + random_() % 24;
         texture.height = 1 + random_() % 24;
@@ -83,7 +83,7 @@ private:
 };
 
 // Samples one micro-triangle at its corners, edges and inside, moved by as much as the options allow.
-void checkMicroTriangle(Case &c, const TriangleUvs &uvs, uint32_t index, State state)
+void checkMicroTriangle(BakeCase &c, const TriangleUvs &uvs, uint32_t index, State state)
 {
     const auto corners = microTriangleCorners(index, *c.options.level);
     constexpr int kSteps = 6;
@@ -115,7 +115,7 @@ TEST(BakeProperty, NoSampleContradictsAProvenState)
     size_t all = 0;
     for (unsigned seed = 0; seed < 1500 && !testing::Test::HasFailure(); ++seed) {
         SCOPED_TRACE("seed " + std::to_string(seed));
-        Case c(seed);
+        BakeCase c(seed);
         const BakeResult result = bake(c.texture, c.triangles, c.options);
         ASSERT_EQ(result.micromap.validate(), std::nullopt);
         for (uint32_t t = 0; t < c.triangles.size(); ++t) {

@@ -4,10 +4,11 @@
 
 #include <cmath>
 
-#include "bake/bake.h"
+#include "bake_options.h"
 #include "test_random.h"
 
 using namespace vellum;
+using namespace vellum::test;
 
 namespace
 {
@@ -25,7 +26,7 @@ AlphaTexture disc(double radius)
 
 std::vector<TriangleUvs> scattered(size_t count)
 {
-    test::TestRandom random(4);
+    TestRandom random(4);
     std::vector<TriangleUvs> triangles(count);
     for (TriangleUvs &uvs : triangles) {
         const double u = random.uniform(-0.2, 1.2);
@@ -34,13 +35,6 @@ std::vector<TriangleUvs> scattered(size_t count)
             t = {static_cast<float>(u + random.uniform(0, 0.4)), static_cast<float>(v + random.uniform(0, 0.4))};
     }
     return triangles;
-}
-
-BakeOptions atLevel(uint32_t level)
-{
-    BakeOptions o;
-    o.level = level;
-    return o;
 }
 
 uint64_t bytesOf(const BakeResult &r)

@@ -4,9 +4,10 @@
 #include <cmath>
 #include <limits>
 
-#include "bake/bake.h"
+#include "bake_options.h"
 
 using namespace vellum;
+using namespace vellum::test;
 
 namespace
 {
@@ -31,13 +32,6 @@ AlphaTexture halfTexture(uint32_t size, double share)
     for (uint32_t i = 0; i < size * size; ++i)
         t.alpha.push_back(i % size < share * size ? 1.0f : 0.0f);
     return t;
-}
-
-BakeOptions atLevel(uint32_t level)
-{
-    BakeOptions o;
-    o.level = level;
-    return o;
 }
 
 } // namespace

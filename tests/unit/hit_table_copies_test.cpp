@@ -16,8 +16,6 @@ namespace
 using layer::HitTableCopies;
 using layer::MemoryPool;
 
-constexpr VkDeviceSize kMiB = 1024 * 1024;
-
 class HitTableCopiesOfACommandBuffer : public testing::Test
 {
 protected:

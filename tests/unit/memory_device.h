@@ -12,6 +12,8 @@
 namespace vellum::test
 {
 
+inline constexpr VkDeviceSize kMiB = 1024 * 1024;
+
 class MemoryDevice
 {
 public:

@@ -26,7 +26,7 @@ TEST(CommandOf, AliasesOfTheRegistryAndNewerOnes)
 
 // A driver with one extension, which counts and can fail.
 uint32_t enumerations = 0;
-VkResult answer = VK_SUCCESS;
+VkResult enumerationResult = VK_SUCCESS;
 
 VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice, const char *, uint32_t *count,
                                                    VkExtensionProperties *properties)
@@ -35,7 +35,7 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice, const char 
     *count = 1;
     if (properties)
         std::strcpy(properties->extensionName, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
-    return answer;
+    return enumerationResult;
 }
 
 class PhysicalDeviceTest : public testing::Test
@@ -44,7 +44,7 @@ protected:
     PhysicalDeviceTest()
     {
         enumerations = 0;
-        answer = VK_SUCCESS;
+        enumerationResult = VK_SUCCESS;
         instance_.next.EnumerateDeviceExtensionProperties = enumerateExtensions;
     }
     VkPhysicalDevice handle_ = reinterpret_cast<VkPhysicalDevice>(&instance_);
@@ -63,9 +63,9 @@ TEST_F(PhysicalDeviceTest, FoundOnce)
 
 TEST_F(PhysicalDeviceTest, FailuresAreNotKept)
 {
-    answer = VK_ERROR_OUT_OF_HOST_MEMORY;
+    enumerationResult = VK_ERROR_OUT_OF_HOST_MEMORY;
     EXPECT_TRUE(describe(instance_, handle_)->extensions.empty());
-    answer = VK_SUCCESS;
+    enumerationResult = VK_SUCCESS;
     EXPECT_EQ(describe(instance_, handle_)->extensions.size(), 1u);
 }
 

@@ -15,7 +15,6 @@ namespace
 using layer::MemoryPool;
 using layer::ScratchMemory;
 
-constexpr VkDeviceSize kMiB = 1024 * 1024;
 constexpr size_t kCommandBuffers = 50;
 
 class ScratchMemories : public testing::Test

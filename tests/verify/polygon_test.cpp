@@ -15,7 +15,7 @@ using vellum::verify::Polygon;
 namespace
 {
 
-std::vector<OraclePoint<long double>> cornersOf(const Polygon &polygon)
+std::vector<OraclePoint<long double>> oraclePoints(const Polygon &polygon)
 {
     std::vector<OraclePoint<long double>> corners;
     for (unsigned i = 0; i < polygon.count(); ++i)
@@ -48,7 +48,7 @@ TEST(VerifyPolygon, WidenedIsTheHullOfAllSums)
                      : Point{random.uniform(-5, 5), random.uniform(-5, 5)};
         const double x = random.uniform(0.01, 3);
         const double y = random.uniform(0.01, 3);
-        const auto sum = cornersOf(vellum::verify::widened(triangle, x, y));
+        const auto sum = oraclePoints(vellum::verify::widened(triangle, x, y));
         ASSERT_LE(sum.size(), 7u);
         const auto hull = widened(
             {{triangle[0].x, triangle[0].y}, {triangle[1].x, triangle[1].y}, {triangle[2].x, triangle[2].y}}, x, y);
@@ -73,7 +73,7 @@ TEST(VerifyPolygon, CutIsWhatLiesInTheBox)
         const auto number = [&] { return static_cast<double>(random() % 33) / 4 - 4; };
         const std::array<Point, 3> triangle{{{number(), number()}, {number(), number()}, {number(), number()}}};
         Polygon part = vellum::verify::widened(triangle, 0, 0);
-        const long double whole = std::abs(areaOf(cornersOf(part)));
+        const long double whole = std::abs(areaOf(oraclePoints(part)));
         part.cut(-1, 1, -1, 1);
         for (unsigned i = 0; i < part.count(); ++i) {
             ASSERT_LE(std::abs(part[i].x), 1);
@@ -86,8 +86,9 @@ TEST(VerifyPolygon, CutIsWhatLiesInTheBox)
         for (const auto &box : boxes) {
             Polygon other = vellum::verify::widened(triangle, 0, 0);
             other.cut(box[0], box[1], box[2], box[3]);
-            beyond += std::abs(areaOf(cornersOf(other)));
+            beyond += std::abs(areaOf(oraclePoints(other)));
         }
-        ASSERT_NEAR(static_cast<double>(std::abs(areaOf(cornersOf(part))) + beyond), static_cast<double>(whole), 1e-9);
+        ASSERT_NEAR(static_cast<double>(std::abs(areaOf(oraclePoints(part))) + beyond), static_cast<double>(whole),
+                    1e-9);
     }
 }

@@ -19,11 +19,11 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Fail/DeferredAllocations.*", "one_api"},
-                         {"Fail/ShaderObjectAllocations.*", "one_api"},
-                         {"Fail/ValidatedAllocations.*", "one_api"},
-                         {"Fail/BinaryAllocations.*", "one_api"},
-                         {"Fail/TranslatedAllocations.*", "one_api"}};
+const vt::Labels kAllocationFailureLabels{{"Fail/DeferredAllocations.*", "one_api"},
+                                          {"Fail/ShaderObjectAllocations.*", "one_api"},
+                                          {"Fail/ValidatedAllocations.*", "one_api"},
+                                          {"Fail/BinaryAllocations.*", "one_api"},
+                                          {"Fail/TranslatedAllocations.*", "one_api"}};
 
 using namespace vt;
 

@@ -20,7 +20,7 @@ using namespace vt;
 namespace
 {
 
-const vt::Labels kLabels{{"Destruction.*", "forcing"}};
+const vt::Labels kDestructionLabels{{"Destruction.*", "forcing"}};
 
 // Memory, buffer and structure, each to be destroyed when the test says so.
 class Pieces

@@ -11,8 +11,8 @@
 namespace
 {
 
-const vt::Labels kLabels{{"DescriptorBuffers.*", "quirks packed forcing"},
-                         {"DescriptorBuffersWithoutLayer.*", "one_api"}};
+const vt::Labels kDescriptorBufferLabels{{"DescriptorBuffers.*", "quirks packed forcing"},
+                                         {"DescriptorBuffersWithoutLayer.*", "one_api"}};
 
 using namespace vt;
 

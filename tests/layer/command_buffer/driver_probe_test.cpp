@@ -21,7 +21,7 @@ using namespace vt;
 namespace
 {
 
-const vt::Labels kLabels{{"Probes.*", "threads forcing"}, {"SynchronizedQueue.*", "threads one_api"}};
+const vt::Labels kDriverProbeLabels{{"Probes.*", "threads forcing"}, {"SynchronizedQueue.*", "threads one_api"}};
 
 // On a new device, on which no quirk was probed. The validation layer below checks that no two threads use the queue at
 // the same time.

@@ -14,8 +14,8 @@
 namespace
 {
 
-const vt::Labels kLabels{{"GeneratedCommandsOfDevice.*", "quirks forcing"},
-                         {"GeneratedCommandsWithoutLayer.*", "one_api"}};
+const vt::Labels kGeneratedCommandsLabels{{"GeneratedCommandsOfDevice.*", "quirks forcing"},
+                                          {"GeneratedCommandsWithoutLayer.*", "one_api"}};
 
 using namespace vt;
 

@@ -10,7 +10,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"QueueFamilies.*", "forcing"}};
+const vt::Labels kQueueFamilyLabels{{"QueueFamilies.*", "forcing"}};
 
 using namespace vt;
 

@@ -10,7 +10,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"ShaderObject.*", "forcing"}, {"ShaderObject.ThePromise*", "strict"}};
+const vt::Labels kShaderObjectLabels{{"ShaderObject.*", "forcing"}, {"ShaderObject.ThePromise*", "strict"}};
 
 using namespace vt;
 

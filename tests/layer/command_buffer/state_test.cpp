@@ -12,7 +12,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"State.*", "quirks forcing"}};
+const vt::Labels kStateLabels{{"State.*", "quirks forcing"}};
 
 using namespace vt;
 

@@ -7,7 +7,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"SyncUnvalidated.*", "one_api"}, {"SyncWithoutLayer.*", "one_api"}};
+const vt::Labels kSyncLabels{{"SyncUnvalidated.*", "one_api"}, {"SyncWithoutLayer.*", "one_api"}};
 
 using namespace vt;
 

@@ -4,9 +4,9 @@
 #include <mutex>
 #include <thread>
 
+#include "command_buffer/state_scene.h"
 #include "gpu/copies.h"
 #include "gpu/pipeline_tracer.h"
-#include "command_buffer/state_scene.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
 #include "shaders/tracer_comp.h"
@@ -14,7 +14,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Threads.*", "threads"}};
+const vt::Labels kThreadsLabels{{"Threads.*", "threads"}};
 
 using namespace vt;
 

@@ -10,7 +10,7 @@ namespace
 {
 
 // The labels of all suites in this folder.
-const vt::Labels kLabels{{"Address*.*", "one_api strict_ext"}};
+const vt::Labels kDeviceAddressCopyLabels{{"Address*.*", "one_api strict_ext"}};
 
 using namespace vt;
 

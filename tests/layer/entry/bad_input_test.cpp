@@ -10,7 +10,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"BadInput.*", "strict"}, {"BadInputExt.*", "one_api strict_ext"}};
+const vt::Labels kBadInputLabels{{"BadInput.*", "strict"}, {"BadInputExt.*", "one_api strict_ext"}};
 
 using namespace vt;
 

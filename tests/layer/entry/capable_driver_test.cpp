@@ -8,7 +8,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"CapableDriverExt.*", "one_api strict_ext"}};
+const vt::Labels kCapableDriverLabels{{"CapableDriverExt.*", "one_api strict_ext"}};
 
 using namespace vt;
 

@@ -11,7 +11,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"ImplementationSetting.*", "one_api"}};
+const vt::Labels kImplementationLabels{{"ImplementationSetting.*", "one_api"}};
 
 using namespace vt;
 

@@ -16,7 +16,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Extension/OldInstance.*", "one_api"}, {"Instance.*", "one_api"}};
+const vt::Labels kInstanceLabels{{"Extension/OldInstance.*", "one_api"}, {"Instance.*", "one_api"}};
 
 std::string library()
 {

@@ -9,7 +9,8 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Properties.*", "one_api"}, {"PropertiesNewer.*", "one_api"}, {"WithoutLayer.*", "one_api"}};
+const vt::Labels kPropertiesLabels{
+    {"Properties.*", "one_api"}, {"PropertiesNewer.*", "one_api"}, {"WithoutLayer.*", "one_api"}};
 
 using vt::Gpu;
 

@@ -11,7 +11,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"BindingsExt.*", "one_api"}};
+const vt::Labels kBufferLabels{{"BindingsExt.*", "one_api"}};
 
 using namespace vt;
 

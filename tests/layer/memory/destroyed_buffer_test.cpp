@@ -17,7 +17,7 @@ namespace
 
 using namespace vt;
 
-const Labels kLabels{{"DestroyedBuffers.*", "translated"}, {"DestroyedBuffersByAddress.*", "one_api"}};
+const Labels kDestroyedBufferLabels{{"DestroyedBuffers.*", "translated"}, {"DestroyedBuffersByAddress.*", "one_api"}};
 
 constexpr VkDeviceSize kAlignment = 256; // at least that of inputs, micromaps and scratch memory
 

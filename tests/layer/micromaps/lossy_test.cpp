@@ -10,17 +10,15 @@
 #include "harness/harness.h"
 #include "harness/program/labels.h"
 #include "harness/states.h"
+#include "micromaps/build_flags.h"
 
 namespace
 {
 
-const vt::Labels kLabels{{"Lossy.*", "slow"}};
+const vt::Labels kLossyLabels{{"Lossy.*", "slow"}};
 
 using namespace vt;
 
-constexpr VkBuildMicromapFlagsEXT kAllow = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
-constexpr VkBuildMicromapFlagsEXT kTrace = VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT;
-constexpr VkBuildMicromapFlagsEXT kFast = VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT;
 constexpr std::array<VkBuildMicromapFlagsEXT, 4> kFlags{0, kAllow, kTrace | kAllow, kFast};
 
 vellum::Micromap modelOf(const MicromapInput &input)

@@ -6,11 +6,12 @@
 #include "core/micromap_memory.h"
 #include "harness/program/labels.h"
 #include "harness/states.h"
+#include "micromaps/build_flags.h"
 
 namespace
 {
 
-const vt::Labels kLabels{{"MicromapBuild.*", "stacked"}};
+const vt::Labels kMicromapBuildLabels{{"MicromapBuild.*", "stacked"}};
 
 using namespace vt;
 
@@ -70,9 +71,6 @@ protected:
         ADD_FAILURE() << "byte " << at << " of " << expected.size() << ": " << std::hex << words[0][0] << ' '
                       << words[0][1] << ", expected " << words[1][0] << ' ' << words[1][1];
     }
-    static constexpr VkBuildMicromapFlagsEXT kAllow = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
-    static constexpr VkBuildMicromapFlagsEXT kTrace = VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT;
-    static constexpr VkBuildMicromapFlagsEXT kFast = VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT;
     static constexpr std::array<VkBuildMicromapFlagsEXT, 5> kFlags{0, kAllow, kTrace, kFast | kAllow, kTrace | kAllow};
 };
 

@@ -10,20 +10,20 @@
 #include "harness/harness.h"
 #include "harness/program/labels.h"
 #include "harness/states.h"
+#include "micromaps/build_flags.h"
 
 namespace
 {
 
-const vt::Labels kLabels{{"MicromapCopy.*", "stacked forced"},
-                         {"MicromapCopy.RejectsWrongCopies", "lenient strict"},
-                         {"MicromapCopy.SerializedHeader", "inside"},
-                         {"MicromapCopy.TooSmallATarget", "inside"},
-                         {"MicromapCopy.InvalidDataBecomesUnknown", "inside"},
-                         {"MicromapCopyValidated.*", "inside"}};
+const vt::Labels kMicromapCopyLabels{{"MicromapCopy.*", "stacked forced"},
+                                     {"MicromapCopy.RejectsWrongCopies", "lenient strict"},
+                                     {"MicromapCopy.SerializedHeader", "inside"},
+                                     {"MicromapCopy.TooSmallATarget", "inside"},
+                                     {"MicromapCopy.InvalidDataBecomesUnknown", "inside"},
+                                     {"MicromapCopyValidated.*", "inside"}};
 
 using namespace vt;
 
-constexpr VkBuildMicromapFlagsEXT kAllow = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
 constexpr size_t kSerializedHeader = 64;
 
 class MicromapCopy : public GpuTest

@@ -5,20 +5,19 @@
 #include "core/micromap_memory.h"
 #include "harness/program/labels.h"
 #include "harness/states.h"
+#include "micromaps/build_flags.h"
 
 namespace
 {
 
-const vt::Labels kLabels{{"MicromapHost.*", "one_api"},
-                         {"MicromapHost.*Modes*", "strict_ext"},
-                         {"MicromapHostDisabled.*", "one_api"},
-                         {"MicromapHostNewer.*", "one_api"},
-                         {"MicromapHostValidated.*", "one_api"}};
+const vt::Labels kMicromapHostLabels{{"MicromapHost.*", "one_api"},
+                                     {"MicromapHost.*Modes*", "strict_ext"},
+                                     {"MicromapHostDisabled.*", "one_api"},
+                                     {"MicromapHostNewer.*", "one_api"},
+                                     {"MicromapHostValidated.*", "one_api"}};
 
 using namespace vt;
 
-constexpr VkBuildMicromapFlagsEXT kAllow = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
-constexpr VkBuildMicromapFlagsEXT kFast = VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT;
 constexpr size_t kHeader = 64;
 
 class MicromapHost : public GpuTest

@@ -7,10 +7,10 @@
 namespace
 {
 
-const vt::Labels kLabels{{"MicromapStructureRejected.*", "one_api stacked strict_ext"},
-                         {"MicromapStructureRejected.Copies", "lenient"},
-                         {"MicromapStructureRejected.Creation", "lenient"},
-                         {"MicromapStructureRejected.GeometriesAndUsageCounts", "lenient"}};
+const vt::Labels kMicromapStructureRejectedLabels{{"MicromapStructureRejected.*", "one_api stacked strict_ext"},
+                                                  {"MicromapStructureRejected.Copies", "lenient"},
+                                                  {"MicromapStructureRejected.Creation", "lenient"},
+                                                  {"MicromapStructureRejected.GeometriesAndUsageCounts", "lenient"}};
 
 using namespace vt;
 

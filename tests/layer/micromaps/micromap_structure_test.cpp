@@ -8,14 +8,14 @@
 namespace
 {
 
-const vt::Labels kLabels{{"MicromapStructure.*", "one_api stacked forced"},
-                         {"MicromapStructure.CompatibilityOfEveryKindOfData", "serialized"},
-                         {"MicromapStructureBoth.*", "one_api stacked"},
-                         {"MicromapStructureBoth.SerializedStructuresOfBothExtensions", "serialized"},
-                         {"MicromapStructureDevices.*", "one_api stacked"},
-                         {"MicromapStructureDisabled.*", "one_api stacked strict_ext"},
-                         {"MicromapStructureMaintenance.*", "one_api stacked strict_ext"},
-                         {"MicromapStructureMaintenance.QueriesOfEveryKind", "inside"}};
+const vt::Labels kMicromapStructureLabels{{"MicromapStructure.*", "one_api stacked forced"},
+                                          {"MicromapStructure.CompatibilityOfEveryKindOfData", "serialized"},
+                                          {"MicromapStructureBoth.*", "one_api stacked"},
+                                          {"MicromapStructureBoth.SerializedStructuresOfBothExtensions", "serialized"},
+                                          {"MicromapStructureDevices.*", "one_api stacked"},
+                                          {"MicromapStructureDisabled.*", "one_api stacked strict_ext"},
+                                          {"MicromapStructureMaintenance.*", "one_api stacked strict_ext"},
+                                          {"MicromapStructureMaintenance.QueriesOfEveryKind", "inside"}};
 
 using namespace vt;
 

@@ -7,6 +7,8 @@
 
 #include "gpu/copies.h"
 #include "harness/harness.h"
+#include "micromaps/build_flags.h"
+#include "structures/constants.h"
 
 namespace vt
 {
@@ -14,11 +16,6 @@ namespace vt
 using BuildInfo = VkAccelerationStructureBuildGeometryInfoKHR;
 using RangeInfo = VkAccelerationStructureBuildRangeInfoKHR;
 
-inline constexpr auto kMicromapType = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-inline constexpr auto kBottom = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
-inline constexpr auto kTop = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
-inline constexpr auto kGeneric = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
-inline constexpr VkBuildMicromapFlagsEXT kAllow = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
 inline constexpr VkBufferUsageFlags kStorage =
     VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 

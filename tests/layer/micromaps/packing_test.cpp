@@ -12,7 +12,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Packing.*", "forcing"}};
+const vt::Labels kPackingLabels{{"Packing.*", "forcing"}};
 
 using namespace vt;
 

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The setting assume_micromaps where micromaps are the driver's own (quirks "khr" and "ext"), or KHR is translated to
 // the driver's EXT: shaders and pipelines that do not declare their use of micromaps use them.
-#include <cstdlib>
-
 #include "command_buffer/shader_objects.h"
 #include "command_buffer/state_scene.h"
 #include "gpu/pipeline_tracer.h"
 #include "gpu/programs/graphics.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
+#include "pipelines/assumed_micromaps.h"
 #include "shaders/plain_vertex.h"
 #include "shaders/query_fragment.h"
 #include "shaders/query_raygen.h"
@@ -17,11 +16,10 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Assumed/AssumedOn*Driver.*", "one_api"}, {"Assumed/AssumedTranslated.*", "one_api"}};
+const vt::Labels kAssumedOnDriverLabels{{"Assumed/AssumedOn*Driver.*", "one_api"},
+                                        {"Assumed/AssumedTranslated.*", "one_api"}};
 
 using namespace vt;
-
-constexpr const char *kSetting = "VELLUM_ASSUME_MICROMAPS";
 
 class OnDriver : public testing::TestWithParam<bool>
 {
@@ -29,15 +27,12 @@ protected:
     explicit OnDriver(Options options)
     {
         options.oldValidation = options.declaresMode = options.validation = false;
-        if (assumed())
-            setenv(kSetting, "1", 1);
+        const AssumedMicromaps setting(assumed()); // read when the instance is created
         gpu_.emplace(options);
-        unsetenv(kSetting); // read when the instance is created
         scene_.emplace(gpu());
         tracer_.emplace(gpu());
         gpu().submit([this](VkCommandBuffer commands) { scene_->record(commands); });
     }
-    ~OnDriver() override { unsetenv(kSetting); }
     void TearDown() override
     {
         scene_.reset();

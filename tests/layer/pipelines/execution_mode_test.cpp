@@ -17,10 +17,10 @@
 namespace
 {
 
-const vt::Labels kLabels{{"ExecutionMode.*", "one_api stacked lenient"},
-                         {"ExecutionModeWithExt.*", "one_api"},
-                         {"MixedSpecialIndex.*", "one_api strict_ext"},
-                         {"MixedSpecialIndexWithoutKhr.*", "one_api strict_ext"}};
+const vt::Labels kExecutionModeLabels{{"ExecutionMode.*", "one_api stacked lenient"},
+                                      {"ExecutionModeWithExt.*", "one_api"},
+                                      {"MixedSpecialIndex.*", "one_api strict_ext"},
+                                      {"MixedSpecialIndexWithoutKhr.*", "one_api strict_ext"}};
 
 using namespace vt;
 
@@ -38,17 +38,17 @@ void expectStates(const std::vector<Result> &results, bool consumed)
     }
 }
 
-struct Case {
+struct ModeCase {
     Mode mode;
     std::optional<uint32_t> specialized;
     bool consumes;
 };
-constexpr std::array<Case, 6> kCases{{{Mode::Absent, {}, false},
-                                      {Mode::False, {}, false},
-                                      {Mode::True, {}, true},
-                                      {Mode::Specialized, {}, false},
-                                      {Mode::Specialized, 0, false},
-                                      {Mode::Specialized, 1, true}}};
+constexpr std::array<ModeCase, 6> kModeCases{{{Mode::Absent, {}, false},
+                                              {Mode::False, {}, false},
+                                              {Mode::True, {}, true},
+                                              {Mode::Specialized, {}, false},
+                                              {Mode::Specialized, 0, false},
+                                              {Mode::Specialized, 1, true}}};
 
 class ExecutionMode : public GpuTest
 {
@@ -77,11 +77,11 @@ protected:
 
 TEST_F(ExecutionMode, Compute)
 {
-    for (const Case &c : kCases)
+    for (const ModeCase &c : kModeCases)
         for (const bool inlined : {false, true}) {
             if (inlined && !gpu().has(VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME))
                 continue;
-            SCOPED_TRACE(testing::Message() << "case " << &c - kCases.data() << (inlined ? " inline" : ""));
+            SCOPED_TRACE(testing::Message() << "case " << &c - kModeCases.data() << (inlined ? " inline" : ""));
             Tracer tracer(gpu(), withMode(tracer_comp, c.mode),
                           {.specializedFlags = c.specialized, .inlineModule = inlined});
             const std::vector<Result> results = tracer.trace(scene_.tlas(), scene_.rays());
@@ -140,7 +140,7 @@ TEST_F(ExecutionModeWithExt, DoesNotMatter)
     // The extension is not enabled, nor its feature.
     gpu().breaks("VUID-VkShaderModuleCreateInfo-pCode-08740");
     gpu().breaks("VUID-VkShaderModuleCreateInfo-pCode-08742");
-    for (const Case &c : kCases) {
+    for (const ModeCase &c : kModeCases) {
         Tracer tracer(gpu(), withMode(tracer_comp, c.mode), {.specializedFlags = c.specialized});
         expectStates(tracer.trace(scene_.tlas(), scene_.rays()), true);
     }

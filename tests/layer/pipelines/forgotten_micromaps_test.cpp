@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Shaders and pipelines that do not declare their use of micromaps, on a device that has them: a warning each once
 // there is geometry with micromaps, and the setting that uses micromaps anyway.
-#include <cstdlib>
-
 #include "command_buffer/state_scene.h"
 #include "gpu/copies.h"
 #include "gpu/pipeline_tracer.h"
 #include "harness/harness.h"
-
 #include "harness/program/labels.h"
+#include "pipelines/assumed_micromaps.h"
 #include "shaders/pipeline_constant_080.h"
 #include "shaders/query_raygen.h"
 #include "shaders/tracer_comp.h"
@@ -16,23 +14,19 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Assumed/ForgottenMicromaps.*", "one_api"}, {"*ForgottenMicromaps.Pipelines*", "translated"}};
+const vt::Labels kForgottenMicromapsLabels{{"Assumed/ForgottenMicromaps.*", "one_api"},
+                                           {"*ForgottenMicromaps.Pipelines*", "translated"}};
 
 using namespace vt;
-
-constexpr const char *kSetting = "VELLUM_ASSUME_MICROMAPS";
 
 class ForgottenMicromaps : public testing::TestWithParam<bool>
 {
 protected:
     ForgottenMicromaps()
     {
-        if (GetParam())
-            setenv(kSetting, "1", 1);
+        const AssumedMicromaps setting(GetParam()); // read when the instance is created
         gpu_.emplace(Options{.oldValidation = false, .api = Api::Khr, .declaresMode = false});
-        unsetenv(kSetting); // read when the instance is created
     }
-    ~ForgottenMicromaps() override { unsetenv(kSetting); }
 
     Gpu &gpu() { return *gpu_; }
     [[nodiscard]] size_t warnings(const char *id)

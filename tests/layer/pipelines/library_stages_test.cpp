@@ -3,11 +3,11 @@
 // pStages" (VkRayTracingPipelineCreateInfoKHR): each stage and each group of the tracer lies in the pipeline or in one
 // of its libraries, which may be nested. Shaders that must not run are among them.
 #include <algorithm>
-#include <cstdlib>
 #include <random>
 
 #include "gpu/programs/pipeline_libraries.h"
 #include "harness/program/labels.h"
+#include "pipelines/assumed_micromaps.h"
 #include "pipelines/pipeline_binaries.h"
 #include "pipelines/pipeline_scene.h"
 #include "shaders/pipeline_wide_any_hit.h"
@@ -17,7 +17,7 @@
 namespace
 {
 
-const vt::Labels kLabels{
+const vt::Labels kLibraryStagesLabels{
     {"LibraryStages*.*", "slow"}, {"LibraryStages.*", "forcing"}, {"LibraryStagesWithoutLayer.*", "one_api"}};
 
 using namespace vt;
@@ -32,7 +32,7 @@ struct Part {
     std::vector<uint32_t> groups;
     std::vector<size_t> libraries{};
 };
-using Plan = std::vector<Part>; // the last one is the pipeline
+using StagePlan = std::vector<Part>; // the last one is the pipeline
 
 enum class Creation { Plain, Deferred, Cached, OfBinaries };
 
@@ -68,7 +68,7 @@ protected:
     }
 
     // The stages that groups of a part may name, in the order of their indices.
-    static std::vector<uint32_t> stagesOf(const Plan &plan, const Part &part)
+    static std::vector<uint32_t> stagesOf(const StagePlan &plan, const Part &part)
     {
         std::vector<uint32_t> stages = part.stages;
         for (const size_t library : part.libraries) {
@@ -77,7 +77,7 @@ protected:
         }
         return stages;
     }
-    static std::vector<uint32_t> groupsOf(const Plan &plan, const Part &part)
+    static std::vector<uint32_t> groupsOf(const StagePlan &plan, const Part &part)
     {
         std::vector<uint32_t> groups = part.groups;
         for (const size_t library : part.libraries) {
@@ -86,7 +86,7 @@ protected:
         }
         return groups;
     }
-    MadePipeline link(const PipelineSetup &from, const Plan &plan)
+    MadePipeline link(const PipelineSetup &from, const StagePlan &plan)
     {
         std::vector<RayPipeline> parts;
         for (const Part &part : plan) {
@@ -176,7 +176,7 @@ protected:
         return pipeline;
     }
 
-    void expect(const Plan &plan, bool anyHit, std::span<const uint32_t> rayFlags)
+    void expect(const StagePlan &plan, bool anyHit, std::span<const uint32_t> rayFlags)
     {
         PipelineTracer tracer(
             gpu(), {.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}},
@@ -185,7 +185,7 @@ protected:
         for (const uint32_t flags : rayFlags)
             scene_->expect(tracer, flags, {.triangleAnyHit = anyHit, .boxAnyHit = anyHit});
     }
-    void expect(const Plan &plan)
+    void expect(const StagePlan &plan)
     {
         const std::vector<uint32_t> flags = opacityRayFlags(gpu().options().micromaps);
         for (const bool anyHit : {true, false})
@@ -198,17 +198,17 @@ protected:
         std::mt19937 random(seed);
         const std::vector<uint32_t> all = opacityRayFlags(gpu().options().micromaps);
         for (uint32_t i = 0; i < plans && !HasFailure(); ++i) {
-            const Plan plan = randomPlan(random);
+            const StagePlan plan = randomPlan(random);
             SCOPED_TRACE(describe(plan));
             const std::array flags{all[i % all.size()], all[random() % all.size()]};
             expect(plan, i % 4 != 0, flags);
         }
     }
 
-    static Plan randomPlan(std::mt19937 &random)
+    static StagePlan randomPlan(std::mt19937 &random)
     {
         const auto below = [&random](size_t limit) { return static_cast<size_t>(random() % limit); };
-        Plan plan(2 + below(4));
+        StagePlan plan(2 + below(4));
         const size_t last = plan.size() - 1;
         for (size_t i = 0; i < last; ++i)
             plan[below(2) == 0 ? last : i + 1 + below(last - i)].libraries.push_back(i);
@@ -248,7 +248,7 @@ protected:
         return plan;
     }
 
-    static std::string describe(const Plan &plan)
+    static std::string describe(const StagePlan &plan)
     {
         std::string text = "parts (stages; groups; libraries):";
         for (const Part &part : plan) {
@@ -280,12 +280,12 @@ protected:
 
 const std::vector<uint32_t> kAllGroups{0, 1, 2, 3};
 
-struct Case {
+struct NamedPlan {
     const char *name;
-    Plan plan;
+    StagePlan plan;
 };
 
-const std::vector<Case> kCases{
+const std::vector<NamedPlan> kNamedPlans{
     {"closest hit in a library",
      {{{kClosestHit}, {}}, {{kRaygen, kMiss, kAnyHit, kBoxes, kBoxesWithoutAnyHit}, kAllGroups, {0}}}},
     {"miss in a library",
@@ -317,7 +317,7 @@ protected:
 
 TEST_F(LibraryStagesWithoutLayer, Cases)
 {
-    for (const Case &c : kCases) {
+    for (const NamedPlan &c : kNamedPlans) {
         SCOPED_TRACE(c.name);
         expect(c.plan);
     }
@@ -330,7 +330,7 @@ TEST_F(LibraryStagesWithoutLayer, RandomPlans)
 
 TEST_F(LibraryStages, Cases)
 {
-    for (const Case &c : kCases) {
+    for (const NamedPlan &c : kNamedPlans) {
         SCOPED_TRACE(c.name);
         expect(c.plan);
     }
@@ -396,11 +396,10 @@ TEST_F(LibraryStagesOfBinaries, RandomPlans)
 class LibraryStagesAssumed : public LibraryStages
 {
 protected:
-    struct Setting {
-        Setting() { setenv("VELLUM_ASSUME_MICROMAPS", "1", 1); }
-        ~Setting() { unsetenv("VELLUM_ASSUME_MICROMAPS"); }
-    };
-    explicit LibraryStagesAssumed(const Setting & = {}) : LibraryStages({.oldValidation = false, .newer = true}) {}
+    explicit LibraryStagesAssumed(const AssumedMicromaps & = AssumedMicromaps())
+        : LibraryStages({.oldValidation = false, .newer = true})
+    {
+    }
 };
 
 TEST_F(LibraryStagesAssumed, RandomPlans)

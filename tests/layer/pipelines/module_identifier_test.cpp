@@ -13,9 +13,9 @@
 namespace
 {
 
-const vt::Labels kLabels{{"ModuleIdentifiers.DependOnTheCode", "translated"},
-                         {"ModuleIdentifiers.NameAQuery", "translated"},
-                         {"ModuleIdentifiers.NameShadersThatTraceNoRays", "translated"}};
+const vt::Labels kModuleIdentifierLabels{{"ModuleIdentifiers.DependOnTheCode", "translated"},
+                                         {"ModuleIdentifiers.NameAQuery", "translated"},
+                                         {"ModuleIdentifiers.NameShadersThatTraceNoRays", "translated"}};
 
 using namespace vt;
 

@@ -17,7 +17,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"MultipleCreation.*", "translated"}};
+const vt::Labels kMultipleCreationLabels{{"MultipleCreation.*", "translated"}};
 
 using namespace vt;
 

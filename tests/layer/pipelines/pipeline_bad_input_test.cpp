@@ -8,7 +8,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"PipelineBadInput.*", "strict"}, {"PipelineWithoutFeature.*", "strict"}};
+const vt::Labels kPipelineBadInputLabels{{"PipelineBadInput.*", "strict"}, {"PipelineWithoutFeature.*", "strict"}};
 
 using namespace vt;
 

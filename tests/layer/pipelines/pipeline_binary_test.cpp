@@ -14,14 +14,14 @@
 namespace
 {
 
-const vt::Labels kLabels{{"PipelineBinaries.*", "slow"},
-                         {"PipelineBinaries.KeysAreThoseOfTheCode", "translated"},
-                         {"PipelineBinaries.FailedPipeline", "translated"},
-                         {"PipelineBinaries.QueryPipeline", "translated"}};
+const vt::Labels kPipelineBinaryLabels{{"PipelineBinaries.*", "slow"},
+                                       {"PipelineBinaries.KeysAreThoseOfTheCode", "translated"},
+                                       {"PipelineBinaries.FailedPipeline", "translated"},
+                                       {"PipelineBinaries.QueryPipeline", "translated"}};
 
 using namespace vt;
 // Khronos' layer 1.4.363 allocates without an end for a pipeline of binaries alone.
-Options cachingDriver()
+Options unvalidatedCachingDriver()
 {
     return {.validation = false, .quirks = "caching", .newer = true};
 }
@@ -29,7 +29,7 @@ Options cachingDriver()
 class PipelineBinaries : public PipelineSceneTest
 {
 protected:
-    explicit PipelineBinaries(const Options &options = cachingDriver()) : PipelineSceneTest(options) {}
+    explicit PipelineBinaries(const Options &options = unvalidatedCachingDriver()) : PipelineSceneTest(options) {}
 
     VkComputePipelineCreateInfo computeInfo(VkPipelineLayout layout, VkShaderModule module, const void *next)
     {
@@ -173,7 +173,7 @@ TEST_F(PipelineBinaries, KeysAreThoseOfTheCode)
 // A device with its tables elsewhere: in this process every other one.
 TEST_F(PipelineBinaries, AnotherDevice)
 {
-    Gpu other(cachingDriver());
+    Gpu other(unvalidatedCachingDriver());
     const Tracer tracer(gpu());
     const Tracer otherTracer(other);
     Binaries binaries(gpu());
@@ -300,13 +300,13 @@ TEST_P(BinariesOfSettings, DifferFromThoseOfOtherSettings)
     std::vector<uint8_t> key;
     Kept data;
     {
-        Gpu gpu(cachingDriver());
+        Gpu gpu(unvalidatedCachingDriver());
         key = Binaries(gpu).key(nullptr);
         data = PipelineBinaries::kept(gpu, Tracer(gpu).layout(), empty);
     }
     setenv(variable, value, 1);
     {
-        Gpu gpu(cachingDriver());
+        Gpu gpu(unvalidatedCachingDriver());
         Binaries binaries(gpu);
         EXPECT_NE(binaries.key(nullptr), key);
         EXPECT_TRUE(binaries.from(data) == nullptr);
@@ -316,7 +316,7 @@ TEST_P(BinariesOfSettings, DifferFromThoseOfOtherSettings)
         setenv(variable, before->c_str(), 1);
     else
         unsetenv(variable);
-    Gpu gpu(cachingDriver());
+    Gpu gpu(unvalidatedCachingDriver());
     Binaries binaries(gpu);
     if (binaries.key(nullptr) != key)
         GTEST_SKIP() << "the tables are elsewhere for each device";

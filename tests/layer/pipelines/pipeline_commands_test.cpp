@@ -9,9 +9,9 @@
 namespace
 {
 
-const vt::Labels kLabels{{"PipelineCommandsMaintenance.*", "forcing"},
-                         {"PipelineState.*", "forcing"},
-                         {"PipelineCommands.*", "quirks stacked forcing"}};
+const vt::Labels kPipelineCommandsLabels{{"PipelineCommandsMaintenance.*", "forcing"},
+                                         {"PipelineState.*", "forcing"},
+                                         {"PipelineCommands.*", "quirks stacked forcing"}};
 
 using namespace vt;
 

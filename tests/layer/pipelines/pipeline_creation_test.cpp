@@ -9,12 +9,12 @@
 namespace
 {
 
-const vt::Labels kLabels{{"PipelineCreation.*", "slow forcing"},
-                         {"PipelineCreationDeferred.*", "slow forcing"},
-                         {"PipelineCreationDeferredInline.*", "slow forcing"},
-                         {"PipelineCreationNotDeferred.*", "slow forcing"},
-                         {"PipelineCreationUncompiled.*", "slow forcing"},
-                         {"PipelineCreationUncompiledDeferred.*", "slow forcing"}};
+const vt::Labels kPipelineCreationLabels{{"PipelineCreation.*", "slow forcing"},
+                                         {"PipelineCreationDeferred.*", "slow forcing"},
+                                         {"PipelineCreationDeferredInline.*", "slow forcing"},
+                                         {"PipelineCreationNotDeferred.*", "slow forcing"},
+                                         {"PipelineCreationUncompiled.*", "slow forcing"},
+                                         {"PipelineCreationUncompiledDeferred.*", "slow forcing"}};
 
 using namespace vt;
 

@@ -14,7 +14,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"PipelineGroups.*", "slow forcing"}};
+const vt::Labels kPipelineGroupsLabels{{"PipelineGroups.*", "slow forcing"}};
 
 using namespace vt;
 

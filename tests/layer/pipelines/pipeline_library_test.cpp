@@ -11,17 +11,17 @@
 namespace
 {
 
-const vt::Labels kLabels{{"PipelineLibrary.*", "slow forcing"},
-                         {"PipelineLibraryHandles.*", "slow"},
-                         {"PipelineLibraryHandlesWithoutLayer.*", "slow one_api"},
-                         {"PipelineLibraryWithoutLayer.*", "slow one_api"}};
+const vt::Labels kPipelineLibraryLabels{{"PipelineLibrary.*", "slow forcing"},
+                                        {"PipelineLibraryHandles.*", "slow"},
+                                        {"PipelineLibraryHandlesWithoutLayer.*", "slow one_api"},
+                                        {"PipelineLibraryWithoutLayer.*", "slow one_api"}};
 
 using namespace vt;
 
 // Groups of the tracer's setup: ray generation, miss, triangles, boxes. Each library holds some, with their stages.
 using Groups = std::vector<uint32_t>;
 
-struct Plan {
+struct GroupPlan {
     std::vector<Groups> libraries; // in the order of linking
     Groups own;                    // groups of the pipeline itself
     bool nested = false;           // all libraries are linked to one, which the pipeline links
@@ -43,7 +43,7 @@ protected:
         PipelineSceneTest::TearDown();
     }
 
-    MadePipeline link(const PipelineSetup &from, const Plan &plan)
+    MadePipeline link(const PipelineSetup &from, const GroupPlan &plan)
     {
         libraries_.clear();
         std::vector<uint32_t> places(from.groups.size());
@@ -69,7 +69,7 @@ protected:
         return made;
     }
 
-    void expect(const Plan &plan, const PipelineTracerSetup &base, const PipelineScene::View &view)
+    void expect(const GroupPlan &plan, const PipelineTracerSetup &base, const PipelineScene::View &view)
     {
         PipelineTracerSetup setup = base;
         setup.make = [this, &plan](Device &, const PipelineSetup &from) { return link(from, plan); };
@@ -78,8 +78,8 @@ protected:
             scene_->expect(tracer, flags, view);
         expectHandles(tracer.pipeline(), static_cast<uint32_t>(setup.groups.size()) + 2);
     }
-    void expect(const Plan &plan) { expect(plan, {}, {}); }
-    void expectWithoutAnyHit(const Plan &plan)
+    void expect(const GroupPlan &plan) { expect(plan, {}, {}); }
+    void expectWithoutAnyHit(const GroupPlan &plan)
     {
         expect(plan, {.groups = {{.anyHit = false}, {.box = true, .anyHit = false}}},
                {.triangleAnyHit = false, .boxAnyHit = false});
@@ -115,7 +115,7 @@ protected:
 };
 
 // A ray generation shader of a library does not run on lavapipe (Mesa 25.0.7), so it is the pipeline's own here.
-const std::vector<Plan> kPlans{
+const std::vector<GroupPlan> kPlans{
     {.libraries = {{1}, {2}, {3}}, .own = {0}},
     {.libraries = {{3}, {2}, {1}}, .own = {0}},
     {.libraries = {{2, 3}}, .own = {0, 1}},
@@ -128,7 +128,7 @@ const std::vector<Plan> kPlans{
 };
 
 // Pipelines of libraries only: they can be created, and have handles.
-const std::vector<Plan> kOnlyLibraries{
+const std::vector<GroupPlan> kOnlyLibraries{
     {.libraries = {{0, 1}, {2}, {3}}},
     {.libraries = {{3}, {2}, {1, 0}}},
     {.libraries = {{3, 0}, {2, 1}}, .nested = true},
@@ -161,7 +161,7 @@ TEST_F(PipelineLibrary, GroupsWithoutAnyHit)
 
 TEST_F(PipelineLibrary, OnlyLibraries)
 {
-    for (const Plan &plan : kOnlyLibraries) {
+    for (const GroupPlan &plan : kOnlyLibraries) {
         for (const bool anyHit : {true, false}) {
             const PipelineTracer tracer(
                 gpu(), {.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}},
@@ -187,7 +187,7 @@ TEST_F(PipelineLibrary, ZeroRecords)
 TEST_F(PipelineLibrary, WithoutTheBit)
 {
     const PipelineScene plain(gpu(), {.micromaps = false});
-    for (const Plan &plan : kPlans) {
+    for (const GroupPlan &plan : kPlans) {
         PipelineTracer tracer(
             gpu(), {.flags = 0, .make = [&](Device &, const PipelineSetup &from) { return link(from, plan); }});
         for (const uint32_t flags : opacityRayFlags(false))

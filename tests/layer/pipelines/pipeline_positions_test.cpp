@@ -17,9 +17,9 @@
 namespace
 {
 
-const vt::Labels kLabels{{"PipelinePositions.*", "stacked forced forcing"},
-                         {"PipelinePositions.WithoutMicromaps", "inside"},
-                         {"PipelinePositionsWithoutLayer.*", "one_api"}};
+const vt::Labels kPipelinePositionsLabels{{"PipelinePositions.*", "stacked forced forcing"},
+                                          {"PipelinePositions.WithoutMicromaps", "inside"},
+                                          {"PipelinePositionsWithoutLayer.*", "one_api"}};
 
 using namespace vt;
 

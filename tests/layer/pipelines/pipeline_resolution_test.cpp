@@ -27,7 +27,7 @@
 namespace
 {
 
-const vt::Labels kLabels{
+const vt::Labels kPipelineResolutionLabels{
     {"PipelineResolution.*", "slow forcing"},
     {"PipelineResolution.PlainSceneWithoutTheBit", "unforced"}, // with the bit, intersection shaders lack hidden flags
     {"PipelineResolution.Constant*", "constants"},

@@ -17,7 +17,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"PipelineStages.*", "slow forcing"}};
+const vt::Labels kPipelineStagesLabels{{"PipelineStages.*", "slow forcing"}};
 
 using namespace vt;
 

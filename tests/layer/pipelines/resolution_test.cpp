@@ -22,7 +22,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Resolution.*", "slow translated forcing"}, {"Resolution.Constant*", "constants"}};
+const vt::Labels kResolutionLabels{{"Resolution.*", "slow translated forcing"}, {"Resolution.Constant*", "constants"}};
 
 using namespace vt;
 

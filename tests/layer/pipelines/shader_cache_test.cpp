@@ -37,7 +37,7 @@ using namespace vt;
 namespace
 {
 
-const vt::Labels kLabels{{"ShaderCache.*", "slow one_api"}};
+const vt::Labels kShaderCacheLabels{{"ShaderCache.*", "slow one_api"}};
 
 namespace fs = std::filesystem;
 

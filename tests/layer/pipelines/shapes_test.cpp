@@ -8,7 +8,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"All/Shapes.*", "slow"}, {"All/Shapes.RayFlags/*", "constants"}};
+const vt::Labels kShapesLabels{{"All/Shapes.*", "slow"}, {"All/Shapes.RayFlags/*", "constants"}};
 
 using namespace vt;
 

@@ -14,7 +14,8 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Stages.*", "forcing"}, {"StagesOfLibraries.*", "forcing"}, {"StagesOfGroups.*", "one_api"}};
+const vt::Labels kStagesLabels{
+    {"Stages.*", "forcing"}, {"StagesOfLibraries.*", "forcing"}, {"StagesOfGroups.*", "one_api"}};
 
 using namespace vt;
 

@@ -12,10 +12,10 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Queries.*", "quirks stacked packed"},
-                         {"Queries.AMicromapThatWasNeverBuilt", "unpacked"},
-                         {"Queries.AccelerationStructuresWithMicromaps", "serialized"},
-                         {"Queries.Wrong*", "strict"}};
+const vt::Labels kQueryLabels{{"Queries.*", "quirks stacked packed"},
+                              {"Queries.AMicromapThatWasNeverBuilt", "unpacked"},
+                              {"Queries.AccelerationStructuresWithMicromaps", "serialized"},
+                              {"Queries.Wrong*", "strict"}};
 
 using namespace vt;
 

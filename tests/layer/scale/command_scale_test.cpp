@@ -10,7 +10,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"CommandScale.*", "slow threads"}, {"DeviceScale.*", "threads"}};
+const vt::Labels kCommandScaleLabels{{"CommandScale.*", "slow threads"}, {"DeviceScale.*", "threads"}};
 
 using namespace vt;
 

@@ -14,7 +14,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"PipelineScale.*", "slow one_api"}};
+const vt::Labels kPipelineScaleLabels{{"PipelineScale.*", "slow one_api"}};
 
 using namespace vt;
 

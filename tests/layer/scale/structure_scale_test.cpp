@@ -5,15 +5,15 @@
 
 #include "harness/program/labels.h"
 #include "scale/scale.h"
+#include "structures/constants.h"
 
 namespace
 {
 
-const vt::Labels kLabels{{"StructureScale.*", "slow"}};
+const vt::Labels kStructureScaleLabels{{"StructureScale.*", "slow"}};
 
 using namespace vt;
 
-constexpr auto kBottom = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
 constexpr auto kCompactedSize = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
 
 class StructureScale : public Scale

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Copies of BLAS with micromaps: shaders see a copy as they saw the original, in whatever order copies were recorded,
 // and whatever becomes of the original.
+#include "structures/constants.h"
 #include "structures/copy_test.h"
 
 #include <set>
@@ -11,21 +12,14 @@
 namespace
 {
 
-const vt::Labels kLabels{{"BottomCopies.*", "quirks stacked forcing"},
-                         {"BottomCopies.GenericStructures", "serialized"},
-                         {"BottomCopies.ManyGeometriesAndTriangles", "serialized"},
-                         {"BottomCopies.QueriedSizes", "serialized"},
-                         {"BottomCopies.StateOfTheCommandBuffer", "serialized"},
-                         {"BottomCopiesExt.*", "one_api"}};
+const vt::Labels kBottomCopyLabels{{"BottomCopies.*", "quirks stacked forcing"},
+                                   {"BottomCopies.GenericStructures", "serialized"},
+                                   {"BottomCopies.ManyGeometriesAndTriangles", "serialized"},
+                                   {"BottomCopies.QueriedSizes", "serialized"},
+                                   {"BottomCopies.StateOfTheCommandBuffer", "serialized"},
+                                   {"BottomCopiesExt.*", "one_api"}};
 
 using namespace vt;
-
-constexpr auto kBottom = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
-constexpr auto kTop = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
-constexpr auto kGeneric = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
-constexpr auto kClone = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR;
-constexpr auto kCompact = VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
-constexpr VkBuildAccelerationStructureFlagsKHR kCompactable = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
 
 using BottomCopies = Copies;
 

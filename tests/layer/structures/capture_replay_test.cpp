@@ -25,7 +25,7 @@ using namespace vt;
 namespace
 {
 
-const vt::Labels kLabels{{"CaptureReplay.*", "slow unforced unpacked"}};
+const vt::Labels kCaptureReplayLabels{{"CaptureReplay.*", "slow unforced unpacked"}};
 
 constexpr const char *kFile = "VELLUM_TEST_CAPTURED"; // the file of a capture
 constexpr const char *kReplays = "VELLUM_TEST_REPLAYS";

@@ -8,7 +8,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Index.*", "quirks translated packed forcing"}};
+const vt::Labels kIndexLabels{{"Index.*", "quirks translated packed forcing"}};
 
 using namespace vt;
 

@@ -16,7 +16,7 @@ using namespace vt;
 namespace
 {
 
-const vt::Labels kLabels{{"Lifetime.*", "quirks stacked packed forcing"}};
+const vt::Labels kLifetimeLabels{{"Lifetime.*", "quirks stacked packed forcing"}};
 
 class Lifetime : public GpuTest
 {

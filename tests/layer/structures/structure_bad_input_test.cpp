@@ -5,6 +5,7 @@
 #include "gpu/copies.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
+#include "structures/constants.h"
 
 #include <algorithm>
 #include <random>
@@ -12,12 +13,9 @@
 namespace
 {
 
-const vt::Labels kLabels{{"BadCopies.*", "slow strict_ext"}};
+const vt::Labels kStructureBadInputLabels{{"BadCopies.*", "slow strict_ext"}};
 
 using namespace vt;
-
-constexpr auto kBottom = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
-constexpr auto kTop = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
 
 // Without the validation layer, which would report the deliberate errors, too.
 class BadCopies : public GpuTest

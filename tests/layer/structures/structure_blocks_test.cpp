@@ -11,7 +11,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"StructureBlocks.*", "one_api stacked serialized"}};
+const vt::Labels kStructureBlocksLabels{{"StructureBlocks.*", "one_api stacked serialized"}};
 
 using namespace vt;
 

@@ -3,17 +3,15 @@
 #include "gpu/copies.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
+#include "structures/constants.h"
 #include "structures/footprint.h"
 
 namespace
 {
 
-const vt::Labels kLabels{{"Churn.*", "slow packed"}};
+const vt::Labels kStructureChurnLabels{{"Churn.*", "slow packed"}};
 
 using namespace vt;
-
-constexpr auto kBottom = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
-constexpr auto kTop = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
 
 void expectFlat(uint64_t before, uint64_t spare)
 {

@@ -3,6 +3,7 @@
 // structures that are larger than their content, and several of them in one range.
 #include <array>
 
+#include "structures/constants.h"
 #include "structures/copy_test.h"
 
 namespace
@@ -10,8 +11,6 @@ namespace
 
 using namespace vt;
 
-constexpr auto kGeneric = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
-constexpr auto kBottom = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
 constexpr uint8_t kUntouched = 0x5a;
 
 // Bytes that structures are placed in, all of them known.
@@ -149,8 +148,6 @@ class LocationsOfOtherCounts : public StructureLocations
 {
 protected:
     static constexpr uint32_t kSpare = 50;
-    static constexpr VkBuildAccelerationStructureFlagsKHR kUpdatable =
-        VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR;
 
     LocationsOfOtherCounts() : StructureLocations({.oldValidation = false, .quirks = "capable"}) {}
 
@@ -186,7 +183,6 @@ protected:
         });
     }
     static constexpr auto kBuild = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR;
-    static constexpr auto kUpdate = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
 
     const Patchwork patchwork_{gpu()};
 };
@@ -299,7 +295,6 @@ protected:
 
 TEST_P(LargeLocations, AreSerialized)
 {
-    constexpr VkBuildAccelerationStructureFlagsKHR kUpdatable = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR;
     const Patchwork patchwork(gpu());
     LargeMemory memory(gpu());
     for (const bool isPlain : {false, true}) {

@@ -5,17 +5,15 @@
 #include "gpu/copies.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
+#include "structures/constants.h"
 
 namespace
 {
 
-const vt::Labels kLabels{{"Updates.*", "forcing"}};
+const vt::Labels kStructureUpdateLabels{{"Updates.*", "forcing"}};
 
 using namespace vt;
 
-constexpr auto kBottom = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
-constexpr auto kUpdate = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
-constexpr VkBuildAccelerationStructureFlagsKHR kUpdatable = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR;
 constexpr VkBuildAccelerationStructureFlagsKHR kMicromapUpdate =
     kUpdatable | VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT;
 constexpr VkBuildAccelerationStructureFlagsKHR kDisable =

@@ -6,15 +6,14 @@
 
 #include "harness/program/labels.h"
 #include "shaders/tracer_by_address.h"
+#include "structures/constants.h"
 
 namespace
 {
 
-const vt::Labels kLabels{{"Top.*", "forcing"}};
+const vt::Labels kTlasLabels{{"Top.*", "forcing"}};
 
 using namespace vt;
-
-constexpr VkBuildAccelerationStructureFlagsKHR kUpdatable = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR;
 
 // Instances stand two units apart in x; each shows one triangle.
 class Top : public GpuTest

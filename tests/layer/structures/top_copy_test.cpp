@@ -2,6 +2,7 @@
 // Copies of TLAS with micromaps: shaders see a copy as they saw the original, in whatever order copies were recorded,
 // and whatever becomes of the original.
 #include "harness/program/labels.h"
+#include "structures/constants.h"
 #include "structures/copy_test.h"
 
 #include <map>
@@ -9,17 +10,9 @@
 namespace
 {
 
-const vt::Labels kLabels{{"TopCopies.*", "quirks stacked forced forcing"}, {"TopCopiesExt.*", "one_api"}};
+const vt::Labels kTopCopyLabels{{"TopCopies.*", "quirks stacked forced forcing"}, {"TopCopiesExt.*", "one_api"}};
 
 using namespace vt;
-
-constexpr auto kBottom = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
-constexpr auto kTop = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
-constexpr auto kGeneric = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
-constexpr auto kClone = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR;
-constexpr auto kCompact = VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
-constexpr VkBuildAccelerationStructureFlagsKHR kCompactable = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
-constexpr VkBuildAccelerationStructureFlagsKHR kUpdatable = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR;
 
 class TopCopies : public Copies
 {

@@ -13,7 +13,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"FaultyProcess.*", "one_api"}, {"Faults.*", "one_api"}};
+const vt::Labels kFaultLabels{{"FaultyProcess.*", "one_api"}, {"Faults.*", "one_api"}};
 
 using namespace vt;
 using faults::Case;
