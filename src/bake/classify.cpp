@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -228,7 +229,7 @@ void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
 class Classifier::Walk::Within
 {
 public:
-    Within(const Frame &f, const Node &node, Point slopes, std::vector<uint32_t> &decided)
+    Within(const Frame &f, const Node &node, std::vector<uint32_t> &decided)
         : perArea_((node.sub.size < 0 ? -1.0f : 1.0f) / f.area),
           reach_(Float4(f.reachI, f.reachJ, f.reachSum, 0) * Float4(1 / f.area)),
           width_(Float4(1.0f) - reach_ - reach_), steps_(std::abs(node.sub.size)),
@@ -238,29 +239,37 @@ public:
         if (fits_)
             decided.assign(2 * static_cast<size_t>(steps_) * static_cast<size_t>(steps_) / kWord + 1, 0);
         decided_ = decided.data();
-        slope_ = functions(static_cast<float>(slopes.x), static_cast<float>(slopes.y));
     }
-    // The cells that follow are in the same row, `away` from this one.
-    void startRow(const NearCell &cell) { row_ = functions(cell.i, cell.j) - reach_; }
-    enum Found { kFirst, kFurther, kNone };
-    // Whether a cell of the row is within a micro-triangle, and the first one.
-    Found add(float away)
+    // Calls found(k, isWithin) for those of some cells in a row, the bits of `mixed`, which are not within a
+    // micro-triangle, or the first that is. `start`: that of the lowest bit, `first`. `slopeI`, `slopeJ`: what the
+    // functions grow by from a cell to the next.
+    template <typename Found>
+    void add(uint64_t mixed, int first, const NearCell &start, float slopeI, float slopeJ, Found &&found)
     {
-        if (!fits_)
-            return kNone;
-        const Float4 from = row_ + slope_ * Float4(away);
-        const Float4 whole = truncated(from);
+        const Float4 row = functions(start.i, start.j) - reach_;
+        const Float4 slope = functions(slopeI, slopeJ);
         const Float4 most(kNoLimit, kNoLimit, static_cast<float>(steps_), kNoLimit);
-        if ((atLeast(from, Float4(0.0f)) & below(from, most) & below(from - whole, width_)) != 15)
-            return kNone;
-        std::array<float, 4> steps;
-        whole.store(steps.data());
-        const size_t at =
-            placeOf(static_cast<int32_t>(steps[0]), static_cast<int32_t>(steps[1]), static_cast<int32_t>(steps[2]));
-        const uint32_t bit = uint32_t{1} << at % kWord;
-        const bool isFirst = (decided_[at / kWord] & bit) == 0;
-        decided_[at / kWord] |= bit;
-        return isFirst ? kFirst : kFurther;
+        const Float4 width = width_;
+        const Float4 zero(0.0f);
+        uint32_t *const decided = decided_;
+        for (; mixed != 0; mixed &= mixed - 1) {
+            const int k = std::countr_zero(mixed);
+            const Float4 from = row + slope * Float4(static_cast<float>(k - first));
+            const Float4 whole = fits_ ? truncated(from) : from;
+            if (!fits_ || (atLeast(from, zero) & below(from, most) & below(from - whole, width)) != 15) {
+                found(k, false);
+                continue;
+            }
+            std::array<float, 4> steps;
+            whole.store(steps.data());
+            const size_t at =
+                placeOf(static_cast<int32_t>(steps[0]), static_cast<int32_t>(steps[1]), static_cast<int32_t>(steps[2]));
+            const uint32_t bit = uint32_t{1} << at % kWord;
+            if ((decided[at / kWord] & bit) == 0) {
+                decided[at / kWord] |= bit;
+                found(k, true);
+            }
+        }
     }
     // Whether all micro-triangles that the cell can touch have one.
     [[nodiscard]] bool allDecided(const NearCell &cell) const
@@ -300,8 +309,6 @@ private:
     int32_t steps_;
     bool fits_;
     uint32_t *decided_;
-    Float4 slope_; // what each function grows by from a cell to the next
-    Float4 row_;   // where the row starts, less the reach
 };
 
 bool Classifier::Walk::list(const Node &node, Frame &frame)
@@ -343,9 +350,9 @@ bool Classifier::Walk::list(const Node &node, Frame &frame)
     frame.valueLow = toFloat(piece_.thresholds().transparent - valueRounding);
     frame.valueHigh = toFloat(piece_.thresholds().opaque + valueRounding);
 
-    const auto nearAt = [&p, origin, toFloat](const CellMap::Place &cell) {
-        const double x = static_cast<double>(cell.x - p.baseX) - origin.x;
-        const double y = static_cast<double>(cell.y - p.baseY) - origin.y;
+    const auto nearAt = [&p, origin, toFloat](int64_t column, int64_t row) {
+        const double x = static_cast<double>(column - p.baseX) - origin.x;
+        const double y = static_cast<double>(row - p.baseY) - origin.y;
         return NearCell{toFloat(x),
                         toFloat(y),
                         toFloat(p.gradientI.x * (x + 0.5) + p.gradientI.y * (y + 0.5)),
@@ -355,35 +362,32 @@ bool Classifier::Walk::list(const Node &node, Frame &frame)
                         kNaN,
                         kNaN};
     };
-    Within within(frame, node, {p.gradientI.x, p.gradientJ.x}, scratch_.decided);
+    Within within(frame, node, scratch_.decided);
     scratch_.places.clear();
     scratch_.cells.clear();
     scratch_.near.clear();
-    size_t listed = 0;
-    CellMap::Place start{};
-    bool started = false;
-    const bool tooMany = p.forMixed(map_, node.sub, [&](const CellMap::Place &cell) {
-        if (!started || cell.y != start.y) {
-            started = true;
-            start = cell;
-            within.startRow(nearAt(cell));
-        }
-        switch (within.add(static_cast<float>(cell.x - start.x))) {
-        case Within::kFirst:
-            scratch_.cells.push_back({cell.x, cell.y, kNaN, kNaN, kNaN, kNaN});
-            scratch_.near.push_back(nearAt(cell));
-            break;
-        case Within::kNone: scratch_.places.push_back(cell); break;
-        case Within::kFurther: return false;
-        }
-        return ++listed > kMostListed;
+    const bool tooMany = p.forMixedWords(map_, node.sub, [&](const CellMap::Word &word) {
+        const int first = std::countr_zero(word.mixed);
+        const NearCell start = nearAt(word.column(first), word.y);
+        const float turn = word.mirrored ? -1.0f : 1.0f;
+        within.add(word.mixed, first, start, turn * toFloat(p.gradientI.x), turn * toFloat(p.gradientJ.x),
+                   [&](int k, bool isWithin) {
+                       if (!isWithin) {
+                           scratch_.places.push_back(map_.place(word, k));
+                           return;
+                       }
+                       const int64_t x = word.column(k);
+                       scratch_.cells.push_back({x, word.y, kNaN, kNaN, kNaN, kNaN});
+                       scratch_.near.push_back(nearAt(x, word.y));
+                   });
+        return scratch_.places.size() + scratch_.cells.size() > kMostListed;
     });
     if (tooMany)
         return false;
     deciding_ = scratch_.cells.size();
     // Texels are far away: while those of one cell come, the next ones are found.
     std::erase_if(scratch_.places, [&](const CellMap::Place &cell) {
-        const NearCell near = nearAt(cell);
+        const NearCell near = nearAt(cell.x, cell.y);
         if (within.allDecided(near))
             return true;
         map_.prefetch(cell);

@@ -228,7 +228,7 @@ bool CellMap::anyMixedIn(int64_t first, int64_t last) const
 {
     for (size_t row = 0; row < tileRows_; ++row)
         if (scan([&](int64_t word) { return tile(static_cast<size_t>(word), row).mixedColumns; }, first, last,
-                 [](int64_t, int64_t, bool) { return true; }))
+                 [](uint64_t, int64_t, int64_t, bool) { return true; }))
             return true;
     return false;
 }

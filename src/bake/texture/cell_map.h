@@ -99,23 +99,39 @@ public:
         }
 #endif
     }
-    // Calls `sink` with the place of each mixed cell of row `y` from `first` to `last` until it returns true; returns
-    // whether it did.
+    // Mixed cells of a row, at most 64 neighbours: bit k says whether the k-th cell from `x` on is one, or the k-th
+    // before it where the texture is mirrored.
+    struct Word {
+        uint64_t mixed;
+        int64_t x, y;
+        int64_t stored; // the column
+        bool mirrored;
+
+        [[nodiscard]] int64_t column(int k) const { return mirrored ? x - k : x + k; }
+    };
+    // Calls `sink` with the words of row `y` from column `first` to `last` that have mixed cells until it returns true;
+    // returns whether it did.
     template <typename Sink>
     bool forMixed(int64_t y, int64_t first, int64_t last, Sink &&sink) const
     {
-        const Axis::Run row = axisY_.run(y, y);
-        const Rows rows = rowsOf(row);
-        const size_t line = static_cast<size_t>(row.first) % kTile;
-        const size_t tileRow = static_cast<size_t>(row.first) / kTile;
+        const auto row = static_cast<size_t>(axisY_.run(y, y).first);
+        const size_t tileRow = row / kTile;
         const std::atomic<const Tile *> *tiles = &tiles_[tileRow * tileColumns_];
         return scan(
             [&](int64_t word) {
                 const Tile *made = tiles[word].load(std::memory_order_acquire);
-                return (made != nullptr ? *made : makeTile(static_cast<size_t>(word), tileRow)).mixed[line];
+                return (made != nullptr ? *made : makeTile(static_cast<size_t>(word), tileRow)).mixed[row % kTile];
             },
             first, last,
-            [&](int64_t x, int64_t column, bool mirrored) { return sink(place(x, y, column, mirrored, rows)); });
+            [&](uint64_t mixed, int64_t x, int64_t stored, bool mirrored) {
+                return sink(Word{mixed, x, y, stored, mirrored});
+            });
+    }
+    // The place of the k-th cell.
+    [[nodiscard]] Place place(const Word &word, int k) const
+    {
+        const Axis::Run row = axisY_.run(word.y, word.y);
+        return place(word.column(k), word.y, word.stored + k, word.mirrored, rowsOf(row));
     }
     // Returns false where no cell of the columns from `first` to `last` is mixed. Reads all their texels: for what
     // covers all rows.
@@ -175,9 +191,9 @@ private:
     }
     const Tile &makeTile(size_t column, size_t row) const;
     [[nodiscard]] RowBits readValues(const Columns &columns, int64_t row) const;
-    // Calls `sink` with the position from `first` to `last` of each bit that is set, with its stored column, and
-    // whether it is mirrored, until it returns true; returns whether it did. bits(i): those of the stored columns from
-    // i * kTile on.
+    // Calls `sink` with words of the bits from `first` to `last`, unless they are 0, the position and the stored column
+    // of the lowest bit, and whether they are mirrored, until it returns true; returns whether it did. bits(i): those
+    // of the stored columns from i * kTile on.
     template <typename Bits, typename Sink>
     bool scan(Bits &&bits, int64_t first, int64_t last, Sink &&sink) const;
 
@@ -208,7 +224,7 @@ bool CellMap::scan(Bits &&bits, int64_t first, int64_t last, Sink &&sink) const
         if (run.step == 0) {
             if ((bits(run.first / kTile) >> (run.first % kTile) & 1) != 0)
                 for (int64_t i = 0; i < run.count; ++i)
-                    if (sink(x + i, run.first, false))
+                    if (sink(uint64_t{1}, x + i, run.first, false))
                         return true;
             x += run.count;
             continue;
@@ -222,13 +238,10 @@ bool CellMap::scan(Bits &&bits, int64_t first, int64_t last, Sink &&sink) const
             if (word == high / kTile)
                 set &= ~uint64_t{0} >> (kTile - 1 - high % kTile);
             any = any || set != 0;
-            for (; set != 0; set &= set - 1) {
-                const int64_t stored = word * kTile + std::countr_zero(set);
-                const bool mirrored = run.step < 0;
-                const int64_t at = x + (mirrored ? run.first - stored : stored - run.first);
-                if (sink(at, stored, mirrored))
-                    return true;
-            }
+            const bool mirrored = run.step < 0;
+            const int64_t at = x + (mirrored ? run.first - word * kTile : word * kTile - run.first);
+            if (set != 0 && sink(set, at, word * kTile, mirrored))
+                return true;
         }
         x += run.count;
     }
