@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <optional>
 
 #include "bake/exact.h"
@@ -18,8 +20,13 @@ namespace vellum
 namespace
 {
 
-// A sub-triangle with a box of more cells than this is divided before its cells are listed.
+// A sub-triangle with a box of more cells than this is divided before its cells are listed,
 constexpr double kMostCells = 65536;
+// or than this, if it has no more levels than that below it: then most cells need not be listed,
+constexpr double kMostCellsOfFew = 1 << 21;
+constexpr uint32_t kFewLevels = 5;
+// or if it has more to list than this.
+constexpr size_t kMostListed = 1 << 15;
 // Of a micro-triangle with a box of more cells than this none are listed: one that decides is soon found.
 constexpr double kMostLeafCells = 2048;
 
@@ -52,6 +59,8 @@ constexpr Samples kSamples = [] {
 }();
 constexpr const std::array<float, 16> &kSampleI = kSamples.i;
 constexpr const std::array<float, 16> &kSampleJ = kSamples.j;
+
+constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
 
 constexpr std::array<unsigned, 16> kBitsOf = {0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4};
 
@@ -136,7 +145,8 @@ private:
     }
     void descendWide(const Node &node, uint32_t depth);
     void descend(const Frame &frame, const Node &node, uint32_t depth, size_t list, size_t count);
-    void list(const Node &node, Frame &frame);
+    bool list(const Node &node, Frame &frame);
+    class Within;
     struct Parts;
     void uniform(const Node &node, uint32_t depth);
     void leaf(const Node &node, size_t list, size_t count);
@@ -162,7 +172,8 @@ private:
     ClassifierScratch &scratch_;
     Placement place_;
     PieceTest piece_;
-    double leafCells_; // in the box of a micro-triangle
+    double leafCells_;    // in the box of a micro-triangle
+    size_t deciding_ = 0; // so many cells of the list lie within a micro-triangle each
     std::optional<ExactTriangle> exact_;
     int side_ = -1; // of the part before on the curve: 1 opaque, 0 transparent, -1 unknown
 };
@@ -183,9 +194,9 @@ void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
         uniform(node, depth);
         return;
     }
-    if (place_.boxCells(node.sub) <= kMostCells && leafCells_ <= kMostLeafCells) {
-        Frame frame;
-        list(node, frame);
+    Frame frame;
+    const double most = level_ - depth <= kFewLevels ? kMostCellsOfFew : kMostCells;
+    if (place_.boxCells(node.sub) <= most && leafCells_ <= kMostLeafCells && list(node, frame)) {
         const size_t count = scratch_.cells.size();
         scratch_.lists.resize(count);
         for (size_t i = 0; i < count; ++i)
@@ -213,7 +224,94 @@ void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
     writeState(packed_, node.index, Format::FourState, guess(node.sub));
 }
 
-void Classifier::Walk::list(const Node &node, Frame &frame)
+// Which micro-triangles of a sub-triangle have a mixed cell that lies within, margins included: that one decides, and
+// others need not be looked at.
+class Classifier::Walk::Within
+{
+public:
+    Within(const Frame &f, const Node &node, std::vector<uint32_t> &decided)
+        : perArea_((node.sub.size < 0 ? -1.0f : 1.0f) / f.area),
+          reach_(Float4(f.reachI, f.reachJ, f.reachSum, 0) * Float4(1 / f.area)),
+          width_(Float4(1.0f) - reach_ - reach_), steps_(std::abs(node.sub.size)),
+          // Few cells lie within smaller ones.
+          fits_(2 * (f.reachI + f.reachJ + f.reachSum) < f.area)
+    {
+        if (fits_)
+            decided.assign(2 * static_cast<size_t>(steps_) * static_cast<size_t>(steps_) / kWord + 1, 0);
+        decided_ = decided.data();
+    }
+    // Calls found(k, isWithin) for those of some cells in a row, the bits of `mixed`, which are not within a
+    // micro-triangle, or the first that is. `start`: that of the lowest bit, `first`. `slopeI`, `slopeJ`: what the
+    // functions grow by from a cell to the next.
+    template <typename Found>
+    void add(uint64_t mixed, int first, const NearCell &start, float slopeI, float slopeJ, Found &&found)
+    {
+        const Float4 row = functions(start.i, start.j) - reach_;
+        const Float4 slope = functions(slopeI, slopeJ);
+        const Float4 most(kNoLimit, kNoLimit, static_cast<float>(steps_), kNoLimit);
+        const Float4 width = width_;
+        const Float4 zero(0.0f);
+        uint32_t *const decided = decided_;
+        for (; mixed != 0; mixed &= mixed - 1) {
+            const int k = std::countr_zero(mixed);
+            const Float4 from = row + slope * Float4(static_cast<float>(k - first));
+            const Float4 whole = fits_ ? truncated(from) : from;
+            if (!fits_ || (atLeast(from, zero) & below(from, most) & below(from - whole, width)) != 15) {
+                found(k, false);
+                continue;
+            }
+            std::array<float, 4> steps;
+            whole.store(steps.data());
+            const size_t at =
+                placeOf(static_cast<int32_t>(steps[0]), static_cast<int32_t>(steps[1]), static_cast<int32_t>(steps[2]));
+            const uint32_t bit = uint32_t{1} << at % kWord;
+            if ((decided[at / kWord] & bit) == 0) {
+                decided[at / kWord] |= bit;
+                found(k, true);
+            }
+        }
+    }
+    // Whether all micro-triangles that the cell can touch have one.
+    [[nodiscard]] bool allDecided(const NearCell &cell) const
+    {
+        if (!fits_)
+            return false;
+        const Float4 middle = functions(cell.i, cell.j);
+        std::array<float, 4> first;
+        std::array<float, 4> last;
+        max(Float4(0.0f), middle - reach_).store(first.data());
+        min(Float4(static_cast<float>(steps_ - 1)), middle + reach_).store(last.data());
+        const auto whole = [](float steps) { return static_cast<int32_t>(steps); };
+        for (int32_t i = whole(first[0]); i <= whole(last[0]); ++i)
+            for (int32_t j = whole(first[1]); j <= whole(last[1]); ++j)
+                for (int32_t k = std::max(i + j, whole(first[2])); k <= std::min(i + j + 1, whole(last[2])); ++k)
+                    if (const size_t at = placeOf(i, j, k); (decided_[at / kWord] >> at % kWord & 1) == 0)
+                        return false;
+        return true;
+    }
+
+private:
+    static constexpr size_t kWord = 32;
+    static constexpr float kNoLimit = std::numeric_limits<float>::max();
+
+    // i, j and their sum in steps.
+    [[nodiscard]] Float4 functions(float i, float j) const { return Float4(i, j, i + j, 0) * Float4(perArea_); }
+    // The bit of a micro-triangle, by the whole part of its functions.
+    [[nodiscard]] size_t placeOf(int32_t i, int32_t j, int32_t sum) const
+    {
+        return 2 * (static_cast<size_t>(i) * static_cast<size_t>(steps_) + static_cast<size_t>(j)) +
+               static_cast<size_t>(sum - i - j);
+    }
+
+    float perArea_;
+    Float4 reach_;
+    Float4 width_; // of what is within, in each function
+    int32_t steps_;
+    bool fits_;
+    uint32_t *decided_;
+};
+
+bool Classifier::Walk::list(const Node &node, Frame &frame)
 {
     const Placement &p = place_;
     const Point origin = p.at(node.sub.i, node.sub.j);
@@ -252,29 +350,56 @@ void Classifier::Walk::list(const Node &node, Frame &frame)
     frame.valueLow = toFloat(piece_.thresholds().transparent - valueRounding);
     frame.valueHigh = toFloat(piece_.thresholds().opaque + valueRounding);
 
-    // Texels are far away: while those of one cell come, the next ones are found.
+    const auto nearAt = [&p, origin, toFloat](int64_t column, int64_t row) {
+        const double x = static_cast<double>(column - p.baseX) - origin.x;
+        const double y = static_cast<double>(row - p.baseY) - origin.y;
+        return NearCell{toFloat(x),
+                        toFloat(y),
+                        toFloat(p.gradientI.x * (x + 0.5) + p.gradientI.y * (y + 0.5)),
+                        toFloat(p.gradientJ.x * (x + 0.5) + p.gradientJ.y * (y + 0.5)),
+                        kNaN,
+                        kNaN,
+                        kNaN,
+                        kNaN};
+    };
+    Within within(frame, node, scratch_.decided);
     scratch_.places.clear();
-    p.forMixed(map_, node.sub, [&](const CellMap::Place &cell) {
+    scratch_.cells.clear();
+    scratch_.near.clear();
+    const bool tooMany = p.forMixedWords(map_, node.sub, [&](const CellMap::Word &word) {
+        const int first = std::countr_zero(word.mixed);
+        const NearCell start = nearAt(word.column(first), word.y);
+        const float turn = word.mirrored ? -1.0f : 1.0f;
+        within.add(word.mixed, first, start, turn * toFloat(p.gradientI.x), turn * toFloat(p.gradientJ.x),
+                   [&](int k, bool isWithin) {
+                       if (!isWithin) {
+                           scratch_.places.push_back(map_.place(word, k));
+                           return;
+                       }
+                       const int64_t x = word.column(k);
+                       scratch_.cells.push_back({x, word.y, kNaN, kNaN, kNaN, kNaN});
+                       scratch_.near.push_back(nearAt(x, word.y));
+                   });
+        return scratch_.places.size() + scratch_.cells.size() > kMostListed;
+    });
+    if (tooMany)
+        return false;
+    deciding_ = scratch_.cells.size();
+    // Texels are far away: while those of one cell come, the next ones are found.
+    std::erase_if(scratch_.places, [&](const CellMap::Place &cell) {
+        const NearCell near = nearAt(cell.x, cell.y);
+        if (within.allDecided(near))
+            return true;
         map_.prefetch(cell);
-        scratch_.places.push_back(cell);
+        scratch_.near.push_back(near);
         return false;
     });
-    const size_t count = scratch_.places.size();
-    scratch_.cells.resize(count);
-    scratch_.near.resize(count);
-    for (size_t n = 0; n < count; ++n) {
+    for (size_t n = 0; n < scratch_.places.size(); ++n) {
         const Cell cell = map_.read(scratch_.places[n]);
-        const double x = static_cast<double>(cell.x - p.baseX) - origin.x;
-        const double y = static_cast<double>(cell.y - p.baseY) - origin.y;
-        const Point middle{x + 0.5, y + 0.5};
-        NearCell near = piece_.near(cell);
-        near.x = toFloat(x);
-        near.y = toFloat(y);
-        near.i = toFloat(p.gradientI.x * middle.x + p.gradientI.y * middle.y);
-        near.j = toFloat(p.gradientJ.x * middle.x + p.gradientJ.y * middle.y);
-        scratch_.cells[n] = cell;
-        scratch_.near[n] = near;
+        scratch_.cells.push_back(cell);
+        piece_.setValues(scratch_.near[deciding_ + n], cell);
     }
+    return true;
 }
 
 // The parts of one sub-triangle, to be tested against many cells; a lane for each Part.
@@ -417,6 +542,11 @@ void Classifier::Walk::leaf(const Node &node, size_t list, size_t count)
 {
     for (size_t n = 0; n < count; ++n) {
         const uint32_t which = scratch_.lists[list + n];
+        if (which < deciding_) {
+            side_ = -1;
+            writeState(packed_, node.index, Format::FourState, guess(node.sub));
+            return;
+        }
         const Cell &cell = scratch_.cells[which];
         Crossing crossing = Crossing::Open;
         if (texture_.filter == Filter::Bilinear)
@@ -499,19 +629,32 @@ State Classifier::Walk::guess(const SubTriangle &sub) const
     const bool nearest = texture_.filter == Filter::Nearest;
     const Float4 zero(0.0f);
     const Float4 one(1.0f);
-    // The texels of the cells around, row by row: those of the texture, or a copy. Null where they are too many.
-    constexpr int64_t kCopied = CellMap::kMostCopied;
-    std::array<float, kCopied * kCopied> copy;
-    const float *window = nullptr;
-    size_t pitch = kCopied;
-    if (texture_.codes.first == nullptr && columns < kMostColumns && rows < kMostColumns &&
-        map_.isInside(x0, y0, x0 + columns, y0 + rows)) {
-        window = texture_.alpha.data() + texture_.place(static_cast<size_t>(x0), static_cast<size_t>(y0));
-        pitch = texture_.rowStride();
-    } else if (columns + 2 <= kCopied && rows + 2 <= kCopied) {
-        map_.copy(x0, y0, static_cast<size_t>(columns + 2), static_cast<size_t>(rows + 2), copy.data(), pitch);
-        window = copy.data();
-    }
+    const bool inside = columns < kMostColumns && rows < kMostColumns && map_.isInside(x0, y0, x0 + columns, y0 + rows);
+    // Otherwise the texels of the cells around are copied, row by row, unless they are too many.
+    constexpr size_t kPitch = CellMap::kMostCopied;
+    const bool copied = !inside && columns + 2 <= int64_t{kPitch} && rows + 2 <= int64_t{kPitch};
+    std::array<float, kPitch * kPitch> copy;
+    if (copied)
+        map_.copy(x0, y0, static_cast<size_t>(columns + 2), static_cast<size_t>(rows + 2), copy.data(), kPitch);
+    const size_t right = texture_.pixelStride();
+    const size_t below = texture_.rowStride();
+    const uint8_t *codes = texture_.codes.first;
+    const auto texelsOf = [&](int64_t column, int64_t row) -> std::array<float, 4> {
+        if (inside) {
+            const size_t at = static_cast<size_t>(y0 + row) * below + static_cast<size_t>(x0 + column) * right;
+            const auto four = [&](auto &&value) {
+                return std::array<float, 4>{value(at), value(at + right), value(at + below), value(at + below + right)};
+            };
+            return codes != nullptr ? four([&](size_t place) { return texture_.codes.values[codes[place]]; })
+                                    : four([&](size_t place) { return texture_.alpha[place]; });
+        }
+        if (copied) {
+            const float *at = &copy[static_cast<size_t>(row) * kPitch + static_cast<size_t>(column)];
+            return {at[0], at[1], at[kPitch], at[kPitch + 1]};
+        }
+        const Cell cell = map_.cell(x0 + column, y0 + row);
+        return {cell.f00, cell.f10, cell.f01, cell.f11};
+    };
     unsigned opaque = 0;
     for (size_t n = 0; n < kSampleI.size(); n += 4) {
         const Float4 i = Float4(kSampleI[n], kSampleI[n + 1], kSampleI[n + 2], kSampleI[n + 3]) * Float4(s);
@@ -522,37 +665,22 @@ State Classifier::Walk::guess(const SubTriangle &sub) const
         };
         const Float4 x = along(corner.x, p.stepI.x, p.stepJ.x, limitX);
         const Float4 y = along(corner.y, p.stepI.y, p.stepJ.y, limitY);
-        std::array<float, 4> xs;
-        std::array<float, 4> ys;
-        x.store(xs.data());
-        y.store(ys.data());
+        const Float4 column = truncated(x);
+        const Float4 row = truncated(y);
+        std::array<float, 4> columnOf;
+        std::array<float, 4> rowOf;
+        column.store(columnOf.data());
+        row.store(rowOf.data());
         std::array<std::array<float, 4>, 4> texels; // f00, f10, f01, f11 of four samples
         for (size_t k = 0; k < 4; ++k) {
-            const auto column = static_cast<int64_t>(xs[k]);
-            const auto row = static_cast<int64_t>(ys[k]);
-            xs[k] -= static_cast<float>(column);
-            ys[k] -= static_cast<float>(row);
-            if (window != nullptr) {
-                const float *texel = window + static_cast<size_t>(row) * pitch + static_cast<size_t>(column);
-                texels[0][k] = texel[0];
-                texels[1][k] = texel[1];
-                texels[2][k] = texel[pitch];
-                texels[3][k] = texel[pitch + 1];
-            } else {
-                const Cell cell = map_.cell(x0 + column, y0 + row);
-                texels[0][k] = cell.f00;
-                texels[1][k] = cell.f10;
-                texels[2][k] = cell.f01;
-                texels[3][k] = cell.f11;
-            }
-            if (nearest) {
-                xs[k] = xs[k] < 0.5f ? 0.0f : 1.0f;
-                ys[k] = ys[k] < 0.5f ? 0.0f : 1.0f;
-            }
+            const auto of = texelsOf(static_cast<int64_t>(columnOf[k]), static_cast<int64_t>(rowOf[k]));
+            for (size_t texel = 0; texel < 4; ++texel)
+                texels[texel][k] = of[texel];
         }
-        const auto load = [](const std::array<float, 4> &v) { return Float4(v[0], v[1], v[2], v[3]); };
-        const Float4 a = load(xs);
-        const Float4 b = load(ys);
+        const auto load = [](const std::array<float, 4> &v) { return Float4::load(v.data()); };
+        const auto weight = [&](Float4 at) { return nearest ? selectBelow(at, Float4(0.5f), zero, one) : at; };
+        const Float4 a = weight(x - column);
+        const Float4 b = weight(y - row);
         const Float4 value = (load(texels[0]) * (one - a) + load(texels[1]) * a) * (one - b) +
                              (load(texels[2]) * (one - a) + load(texels[3]) * a) * b;
         opaque += kBitsOf[atLeast(value, Float4(toFloat(cutoff_)))];

@@ -14,6 +14,7 @@ namespace vellum
 
 // Lists of mixed cells that a classification needs on its way; to be kept from one triangle to the next.
 struct ClassifierScratch {
+    std::vector<uint32_t> decided; // a bit for each micro-triangle
     std::vector<CellMap::Place> places;
     std::vector<Cell> cells;
     std::vector<NearCell> near;

@@ -107,7 +107,14 @@ struct DistinctKey {
     uint32_t request; // level, or none, and format
     uint32_t group;
     std::array<uint32_t, 6> uvs; // bits, so that NaNs are equal to themselves
-    bool operator==(const DistinctKey &) const = default;
+
+    bool operator==(const DistinctKey &other) const
+    {
+        uint32_t differ = (material ^ other.material) | (request ^ other.request) | (group ^ other.group);
+        for (size_t k = 0; k < uvs.size(); ++k)
+            differ |= uvs[k] ^ other.uvs[k];
+        return differ == 0;
+    }
 };
 
 class DistinctTriangles

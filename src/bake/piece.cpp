@@ -141,15 +141,13 @@ void PieceTest::makeQuick(const Placement &placement)
     }
 }
 
-NearCell PieceTest::near(const Cell &cell) const
+void PieceTest::setValues(NearCell &near, const Cell &cell) const
 {
-    NearCell near{};
     const float all = cell.f00 + cell.f10 + cell.f01 + cell.f11;
     near.f00 = tame_ && std::isfinite(all) ? cell.f00 : std::numeric_limits<float>::quiet_NaN();
     near.cx = cell.f10 - near.f00;
     near.cy = cell.f01 - near.f00;
     near.cxy = cell.f11 - cell.f10 - cell.f01 + near.f00;
-    return near;
 }
 
 // Tests like bilinear(), for three edges and then for four corners at once.

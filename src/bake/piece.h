@@ -39,8 +39,8 @@ public:
                                            : nearest(corner, shapes_[inverted ? 1 : 0], cell);
     }
 
-    // The values of a cell in single precision; its place is left to be set.
-    [[nodiscard]] NearCell near(const Cell &cell) const;
+    // Sets the values of a cell in single precision, and not its place.
+    void setValues(NearCell &near, const Cell &cell) const;
     // Tests bilinear filtering four times as fast, and returns Open more often. The place of the cell does not matter.
     [[nodiscard]] Crossing quick(Point corner, bool inverted, const NearCell &cell) const;
     [[nodiscard]] const Thresholds &thresholds() const { return thresholds_; }

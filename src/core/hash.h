@@ -3,7 +3,6 @@
 // kind of machine.
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -37,12 +36,17 @@ inline uint64_t hashBytes(const void *data, size_t bytes, uint64_t seed = 0)
 {
     constexpr uint64_t kOdd = 0x9e3779b97f4a7c15;
     uint64_t hash = seed + bytes * kOdd;
-    for (size_t at = 0; at < bytes; at += 8) {
+    const auto *from = static_cast<const uint8_t *>(data);
+    const auto add = [&](size_t count) {
         uint64_t word = 0;
-        std::memcpy(&word, static_cast<const uint8_t *>(data) + at, std::min<size_t>(8, bytes - at));
+        std::memcpy(&word, from, count);
         hash = (hash ^ word) * kOdd;
         hash ^= hash >> 32;
-    }
+    };
+    for (const uint8_t *end = from + bytes / 8 * 8; from != end; from += 8)
+        add(8);
+    if (bytes % 8 != 0)
+        add(bytes % 8);
     return hash;
 }
 

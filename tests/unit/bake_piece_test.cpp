@@ -109,9 +109,10 @@ private:
             corner.x -= static_cast<double>(cell.x - place.baseX);
             corner.y -= static_cast<double>(cell.y - place.baseY);
             const Crossing slow = piece(corner, sub.size < 0, cell);
-            const Crossing quick = texture.filter == Filter::Nearest
-                                       ? Crossing::Open
-                                       : piece.quick(corner, sub.size < 0, piece.near(cell));
+            NearCell near{};
+            piece.setValues(near, cell);
+            const Crossing quick =
+                texture.filter == Filter::Nearest ? Crossing::Open : piece.quick(corner, sub.size < 0, near);
             ++tally.all;
             tally.open += slow == Crossing::Open ? 1u : 0u;
             tally.quickOpen += quick == Crossing::Open ? 1u : 0u;

@@ -7,6 +7,7 @@
 #else
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #endif
 
 namespace vellum
@@ -42,6 +43,8 @@ struct Float4 {
         const __m128 mask = _mm_cmplt_ps(x.v, y.v);
         return _mm_or_ps(_mm_and_ps(mask, a.v), _mm_andnot_ps(mask, b.v));
     }
+    // Without their fractions; less than 2^31.
+    friend Float4 truncated(Float4 a) { return _mm_cvtepi32_ps(_mm_cvttps_epi32(a.v)); }
     // The least and the largest of the four, none of which may be a NaN.
     [[nodiscard]] float least() const
     {
@@ -113,6 +116,13 @@ struct Float4 {
     {
         return {x.v[0] < y.v[0] ? a.v[0] : b.v[0], x.v[1] < y.v[1] ? a.v[1] : b.v[1], x.v[2] < y.v[2] ? a.v[2] : b.v[2],
                 x.v[3] < y.v[3] ? a.v[3] : b.v[3]};
+    }
+    friend Float4 truncated(const Float4 &a)
+    {
+        Float4 whole;
+        for (size_t k = 0; k < 4; ++k)
+            whole.v[k] = static_cast<float>(static_cast<int32_t>(a.v[k]));
+        return whole;
     }
     [[nodiscard]] float least() const { return std::min(std::min(v[0], v[1]), std::min(v[2], v[3])); }
     [[nodiscard]] float most() const { return std::max(std::max(v[0], v[1]), std::max(v[2], v[3])); }

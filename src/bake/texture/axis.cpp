@@ -79,7 +79,7 @@ Axis::Run Axis::foldedRun(int64_t i, int64_t last) const
 
 int64_t Axis::reduced(int64_t i) const
 {
-    return period_ != 0 ? modulo(i, period_) : i;
+    return period_ != 0 ? modulo(i + 1, period_) - 1 : i;
 }
 
 } // namespace vellum

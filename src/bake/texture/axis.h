@@ -46,7 +46,8 @@ public:
             return {i + lead_, 1, last - i + 1};
         return foldedRun(i, last);
     }
-    // A cell from which on the axis looks the same as from `i` on, as near to 0 as the mode allows.
+    // A cell from which on the axis looks the same as from `i` on, as near to 0 as the mode allows; -1 where that is
+    // one, since what covers a texture starts there.
     [[nodiscard]] int64_t reduced(int64_t i) const;
 
 private:

@@ -5,6 +5,10 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <memory>
+#ifdef __SSE2__
+#include <emmintrin.h>
+#endif
 
 #include "bake/numbers/float4.h"
 #include "core/portable_math.h"
@@ -16,13 +20,6 @@ namespace
 
 constexpr auto kSide = static_cast<size_t>(CellMap::kTile);
 constexpr size_t kRow = kSide + 1; // the texels at their corners
-
-constexpr std::array<uint64_t, kSide> repeated(uint64_t word)
-{
-    std::array<uint64_t, kSide> words{};
-    words.fill(word);
-    return words;
-}
 
 // The codes from the first to the last whose value fulfils the condition: values rise or fall.
 template <typename Range, typename Condition>
@@ -41,54 +38,88 @@ Range codesWhere(const std::array<float, 256> &values, Condition &&condition)
     return range;
 }
 
-// Bit k: codes[k] is within the range; for 64 of them.
-template <typename Range>
-uint64_t within(const uint8_t *codes, const Range &range)
+// The bits of which the next one is set, too, that behind the last one included.
+uint64_t pairs(uint64_t bits, bool last)
 {
-    if (!range.any)
-        return 0;
+    return bits & (bits >> 1 | uint64_t{last} << 63);
+}
+
+// Bit k: codes[k] and codes[k + 1] are within the range; for 64 of them.
+template <typename Range>
+uint64_t pairsWithin(const uint8_t *codes, const Range &range)
+{
+    uint64_t bits = 0;
+#ifdef __SSE2__
+    const __m128i first = _mm_set1_epi8(static_cast<char>(range.first));
+    const __m128i span = _mm_set1_epi8(static_cast<char>(range.span));
+    for (size_t k = 0; k < kSide; k += 16) {
+        const __m128i from = _mm_sub_epi8(_mm_loadu_si128(reinterpret_cast<const __m128i *>(codes + k)), first);
+        const __m128i in = _mm_cmpeq_epi8(_mm_min_epu8(from, span), from);
+        bits |= uint64_t{static_cast<uint16_t>(_mm_movemask_epi8(in))} << k;
+    }
+#else
     std::array<uint8_t, kSide> in;
     for (size_t k = 0; k < kSide; ++k)
-        in[k] = static_cast<uint8_t>(codes[k] - range.first) <= range.span ? 1 : 0;
-    uint64_t bits = 0;
+        in[k] = range.has(codes[k]) ? 1 : 0;
     for (size_t k = 0; k < kSide; k += 8) {
         uint64_t eight;
         std::memcpy(&eight, &in[k], sizeof eight);
         // Gathers the lowest bits of eight bytes, the first byte's at bit 56.
         bits |= (eight * 0x0102040810204080 >> 56) << k;
     }
-    return bits;
+#endif
+    return range.any ? pairs(bits, range.has(codes[kSide])) : 0;
 }
 
 } // namespace
 
-const CellMap::Tile CellMap::kOpaque = {repeated(0), repeated(~uint64_t{0}), 0};
-const CellMap::Tile CellMap::kTransparent = {repeated(0), repeated(0), 0};
+const CellMap::Tile CellMap::kUniform{};
 
-// The classes of 65 neighbouring texels of a padded row: bit k for texel k, and those of the last one.
+// Of 65 neighbouring texels of a padded row: bit k says whether texels k and k + 1 are of that class.
 struct CellMap::RowBits {
-    uint64_t opaque = 0;
-    uint64_t transparent = 0;
-    bool lastOpaque = false;
-    bool lastTransparent = false;
+    uint64_t opaque;
+    uint64_t transparent;
+};
 
-    void set(size_t k, bool isOpaque, bool isTransparent)
+// Up to 65 neighbouring columns of a padded row.
+struct CellMap::Columns {
+    Columns(const std::vector<int32_t> &all, size_t first)
+        : texels(&all[first]), count(std::min(kRow, all.size() - first))
     {
-        const auto put = [&](uint64_t &bits, bool &last, bool value) {
-            if (k == kSide)
-                last = value;
-            else
-                bits = (bits & ~(uint64_t{1} << k)) | uint64_t{value} << k;
+        while (runBegin + 1 < count && texels[runBegin + 1] != texels[runBegin] + 1)
+            ++runBegin;
+        runEnd = runBegin;
+        while (runEnd < count && texels[runEnd] - texels[runBegin] == static_cast<int32_t>(runEnd - runBegin))
+            ++runEnd;
+    }
+    // The codes of these columns, none of which may be the border, in a row: where they are, or in `to`.
+    const uint8_t *gather(const uint8_t *row, size_t stride, std::array<uint8_t, kRow> &to) const
+    {
+        const auto at = [&](size_t k) { return row + static_cast<size_t>(texels[k]) * stride; };
+        const uint8_t *run = at(runBegin);
+        if (runEnd - runBegin == kRow && stride == 1)
+            return run;
+        const auto readRun = [&](size_t apart) {
+            for (size_t k = runBegin; k < runEnd; ++k)
+                to[k] = run[(k - runBegin) * apart];
         };
-        put(opaque, lastOpaque, isOpaque);
-        put(transparent, lastTransparent, isTransparent);
+        for (size_t k = 0; k < runBegin; ++k)
+            to[k] = *at(k);
+        // The compiler reads usual strides in vectors.
+        switch (stride) {
+        case 1: readRun(1); break;
+        case 4: readRun(4); break;
+        default: readRun(stride); break;
+        }
+        for (size_t k = runEnd; k < count; ++k)
+            to[k] = *at(k);
+        return to.data();
     }
-    // Of pairs of neighbours, that is of cells.
-    [[nodiscard]] uint64_t opaquePairs() const { return opaque & (opaque >> 1 | uint64_t{lastOpaque} << 63); }
-    [[nodiscard]] uint64_t transparentPairs() const
-    {
-        return transparent & (transparent >> 1 | uint64_t{lastTransparent} << 63);
-    }
+
+    const int32_t *texels; // -1 for the border
+    size_t count;
+    size_t runBegin = 0; // a run of neighbouring texels, which almost all of them are
+    size_t runEnd;
 };
 
 CellMap::CellMap(const AlphaTexture &texture, const Thresholds &thresholds)
@@ -126,91 +157,80 @@ CellMap::~CellMap()
 {
     for (const std::atomic<const Tile *> &tile : tiles_) {
         const Tile *made = tile.load(std::memory_order_relaxed);
-        if (made != &kOpaque && made != &kTransparent)
+        if (made != &kUniform)
             delete made;
     }
 }
 
-CellMap::RowBits CellMap::readRow(size_t firstColumn, int64_t row) const
+CellMap::RowBits CellMap::readValues(const Columns &columns, int64_t row) const
 {
-    const size_t count = std::min(kRow, columns_.size() - firstColumn);
-    const int32_t *columns = &columns_[firstColumn];
-    const size_t first = texture_.place(0, static_cast<size_t>(std::max<int64_t>(row, 0)));
-    const size_t stride = texture_.pixelStride();
-    RowBits bits;
-    if (row >= 0 && texture_.codes.first != nullptr) {
-        std::array<uint8_t, kRow> gathered{};
-        const uint8_t *codes = gathered.data();
-        const uint8_t *from = texture_.codes.first + first;
-        // Most tiles are whole ones, of neighbouring columns.
-        if (count == kRow && columns[0] >= 0 && columns[kSide] - columns[0] == static_cast<int32_t>(kSide)) {
-            from += static_cast<size_t>(columns[0]) * stride;
-            if (stride == 1)
-                codes = from;
-            else if (stride == 4) // RGBA: the compiler reads it in vectors
-                for (size_t k = 0; k < kRow; ++k)
-                    gathered[k] = from[k * 4];
-            else
-                for (size_t k = 0; k < kRow; ++k)
-                    gathered[k] = from[k * stride];
-        } else {
-            for (size_t k = 0; k < count; ++k)
-                gathered[k] = from[static_cast<size_t>(std::max(columns[k], 0)) * stride];
-        }
-        bits.opaque = within(codes, opaqueCodes_);
-        bits.transparent = within(codes, transparentCodes_);
-        const float last = texture_.codes.values[codes[kSide]];
-        bits.set(kSide, isOpaque(last), isTransparent(last));
-    } else if (row >= 0) {
-        std::array<float, kRow> values{};
-        for (size_t k = 0; k < count; ++k)
-            values[k] = texture_.alpha[first + static_cast<size_t>(std::max(columns[k], 0))];
-        // Infinities are neither.
-        const Float4 most(std::numeric_limits<float>::max());
-        const Float4 least(-std::numeric_limits<float>::max());
-        for (size_t k = 0; k < kSide; k += 4) {
-            const Float4 v = Float4::load(&values[k]);
-            bits.opaque |= uint64_t{atLeast(v, Float4(opaqueFrom_)) & atLeast(most, v)} << k;
-            bits.transparent |= uint64_t{below(v, Float4(transparentBelow_)) & atLeast(v, least)} << k;
-        }
-        bits.set(kSide, isOpaque(values[kSide]), isTransparent(values[kSide]));
+    uint64_t opaque = 0;
+    uint64_t transparent = 0;
+    std::array<float, kRow> values{};
+    for (size_t k = 0; k < columns.count; ++k)
+        values[k] = texel(columns.texels[k], row);
+    // Infinities are neither.
+    const Float4 most(std::numeric_limits<float>::max());
+    const Float4 least(-std::numeric_limits<float>::max());
+    for (size_t k = 0; k < kSide; k += 4) {
+        const Float4 v = Float4::load(&values[k]);
+        opaque |= uint64_t{atLeast(v, Float4(opaqueFrom_)) & atLeast(most, v)} << k;
+        transparent |= uint64_t{below(v, Float4(transparentBelow_)) & atLeast(v, least)} << k;
     }
-    for (size_t k = 0; k < count && (row < 0 || texture_.wrapU == Wrap::Border); ++k)
-        if (row < 0 || columns[k] < 0)
-            bits.set(k, isOpaque(texture_.border), isTransparent(texture_.border));
-    return bits;
+    return {pairs(opaque, isOpaque(values[kSide])), pairs(transparent, isTransparent(values[kSide]))};
+}
+
+template <typename Read>
+void CellMap::Tile::make(std::span<const int32_t> rows, uint64_t cells, Read &&read)
+{
+    RowBits upper = read(rows[0]);
+    uint64_t any = 0;
+    for (size_t y = 0; y + 1 < rows.size(); ++y) {
+        const RowBits lower = read(rows[y + 1]);
+        mixed[y] = ~((upper.opaque & lower.opaque) | (upper.transparent & lower.transparent)) & cells;
+        any |= mixed[y];
+        upper = lower;
+    }
+    mixedColumns = any;
 }
 
 const CellMap::Tile &CellMap::makeTile(size_t column, size_t row) const
 {
-    const size_t columns = std::min(kSide, static_cast<size_t>(axisX_.cells()) - column * kSide);
-    const size_t rows = std::min(kSide, static_cast<size_t>(axisY_.cells()) - row * kSide);
-    const uint64_t cells = ~uint64_t{0} >> (kSide - columns);
-    Tile tile{};
-    RowBits upper = readRow(column * kSide, rows_[row * kSide]);
-    for (size_t y = 0; y < rows; ++y) {
-        const RowBits lower = readRow(column * kSide, rows_[row * kSide + y + 1]);
-        tile.opaque[y] = upper.opaquePairs() & lower.opaquePairs();
-        tile.mixed[y] = ~(tile.opaque[y] | (upper.transparentPairs() & lower.transparentPairs())) & cells;
-        tile.mixedColumns |= tile.mixed[y];
-        upper = lower;
+    const Columns columns(columns_, column * kSide);
+    const std::span rows(&rows_[row * kSide], std::min(kRow, rows_.size() - row * kSide));
+    const uint64_t cells = ~uint64_t{0} >> (kRow - columns.count);
+    const auto noBorder = [](auto &&texels) {
+        return std::all_of(texels.begin(), texels.end(), [](int32_t texel) { return texel >= 0; });
+    };
+    auto tile = std::make_unique<Tile>();
+    if (texture_.codes.first != nullptr && noBorder(rows) && noBorder(std::span(columns.texels, columns.count))) {
+        const uint8_t *const first = texture_.codes.first;
+        const size_t stride = texture_.codes.pixelStride;
+        const size_t rowStride = texture_.codes.rowStride;
+        std::array<uint8_t, kRow> gathered{};
+        tile->make(rows, cells, [&](int32_t texelRow) {
+            const uint8_t *codes = first + static_cast<size_t>(texelRow) * rowStride;
+            codes = columns.gather(codes, stride, gathered);
+            return RowBits{pairsWithin(codes, opaqueCodes_), pairsWithin(codes, transparentCodes_)};
+        });
+    } else {
+        tile->make(rows, cells, [&](int32_t texelRow) { return readValues(columns, texelRow); });
     }
-    // Neighbours share texels: without a mixed cell all are on one side.
-    const Tile *made = tile.mixedColumns != 0 ? new Tile(tile) : (tile.opaque[0] & 1) != 0 ? &kOpaque : &kTransparent;
+    const Tile *made = tile->mixedColumns != 0 ? tile.get() : &kUniform;
     const Tile *first = nullptr;
     // Another thread can have made the same one.
-    if (tiles_[row * tileColumns_ + column].compare_exchange_strong(first, made, std::memory_order_acq_rel))
-        return *made;
-    if (tile.mixedColumns != 0)
-        delete made;
-    return *first;
+    if (!tiles_[row * tileColumns_ + column].compare_exchange_strong(first, made, std::memory_order_acq_rel))
+        return *first;
+    if (made == tile.get())
+        (void)tile.release();
+    return *made;
 }
 
 bool CellMap::anyMixedIn(int64_t first, int64_t last) const
 {
     for (size_t row = 0; row < tileRows_; ++row)
         if (scan([&](int64_t word) { return tile(static_cast<size_t>(word), row).mixedColumns; }, first, last,
-                 [](int64_t, int64_t, bool) { return true; }))
+                 [](uint64_t, int64_t, int64_t, bool) { return true; }))
             return true;
     return false;
 }
@@ -248,10 +268,9 @@ int CellMap::side(int64_t x, int64_t y) const
 {
     const auto column = static_cast<size_t>(axisX_.run(x, x).first);
     const auto row = static_cast<size_t>(axisY_.run(y, y).first);
-    const Tile &found = tile(column / kSide, row / kSide);
-    if ((found.mixed[row % kSide] >> (column % kSide) & 1) != 0)
+    if ((tile(column / kSide, row / kSide).mixed[row % kSide] >> (column % kSide) & 1) != 0)
         return -1;
-    return static_cast<int>(found.opaque[row % kSide] >> (column % kSide) & 1);
+    return isOpaque(texel(columns_[column], rows_[row])) ? 1 : 0;
 }
 
 } // namespace vellum

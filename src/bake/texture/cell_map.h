@@ -15,6 +15,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "bake/texture/axis.h"
@@ -98,38 +99,65 @@ public:
         }
 #endif
     }
-    // Calls `sink` with the place of each mixed cell of row `y` from `first` to `last` until it returns true; returns
-    // whether it did.
+    // Mixed cells of a row, at most 64 neighbours: bit k says whether the k-th cell from `x` on is one, or the k-th
+    // before it where the texture is mirrored.
+    struct Word {
+        uint64_t mixed;
+        int64_t x, y;
+        int64_t stored; // the column
+        bool mirrored;
+
+        [[nodiscard]] int64_t column(int k) const { return mirrored ? x - k : x + k; }
+    };
+    // Calls `sink` with the words of row `y` from column `first` to `last` that have mixed cells until it returns true;
+    // returns whether it did.
     template <typename Sink>
     bool forMixed(int64_t y, int64_t first, int64_t last, Sink &&sink) const
     {
-        const Axis::Run row = axisY_.run(y, y);
-        const Rows rows = rowsOf(row);
-        const auto stored = static_cast<size_t>(row.first);
+        const auto row = static_cast<size_t>(axisY_.run(y, y).first);
+        const size_t tileRow = row / kTile;
+        const std::atomic<const Tile *> *tiles = &tiles_[tileRow * tileColumns_];
         return scan(
-            [&](int64_t word) { return tile(static_cast<size_t>(word), stored / kTile).mixed[stored % kTile]; }, first,
-            last, [&](int64_t x, int64_t column, bool mirrored) { return sink(place(x, y, column, mirrored, rows)); });
+            [&](int64_t word) {
+                const Tile *made = tiles[word].load(std::memory_order_acquire);
+                return (made != nullptr ? *made : makeTile(static_cast<size_t>(word), tileRow)).mixed[row % kTile];
+            },
+            first, last,
+            [&](uint64_t mixed, int64_t x, int64_t stored, bool mirrored) {
+                return sink(Word{mixed, x, y, stored, mirrored});
+            });
+    }
+    // The place of the k-th cell.
+    [[nodiscard]] Place place(const Word &word, int k) const
+    {
+        const Axis::Run row = axisY_.run(word.y, word.y);
+        return place(word.column(k), word.y, word.stored + k, word.mirrored, rowsOf(row));
     }
     // Returns false where no cell of the columns from `first` to `last` is mixed. Reads all their texels: for what
     // covers all rows.
     [[nodiscard]] bool anyMixedIn(int64_t first, int64_t last) const;
 
 private:
+    struct RowBits;
+    struct Columns;
     // The bits of stored cells, a word for each row.
     struct Tile {
         std::array<uint64_t, kTile> mixed;
-        std::array<uint64_t, kTile> opaque;
         uint64_t mixedColumns; // a bit for each column with a mixed cell
+
+        // `rows`: of texels, one more than of cells. `cells`: the columns that exist. read(row): a row's RowBits.
+        template <typename Read>
+        void make(std::span<const int32_t> rows, uint64_t cells, Read &&read);
     };
-    static const Tile kOpaque;
-    static const Tile kTransparent;
+    static const Tile kUniform; // without a mixed cell
     // An interval of codes.
     struct CodeRange {
         uint8_t first = 0;
         uint8_t span = 0; // from the first to the last
         bool any = false;
+
+        [[nodiscard]] bool has(uint8_t code) const { return static_cast<uint8_t>(code - first) <= span; }
     };
-    struct RowBits;
     struct Rows {
         int64_t upper; // texels' rows, -1 for the border
         int64_t lower;
@@ -162,10 +190,10 @@ private:
         return tile != nullptr ? *tile : makeTile(column, row);
     }
     const Tile &makeTile(size_t column, size_t row) const;
-    [[nodiscard]] RowBits readRow(size_t firstColumn, int64_t row) const;
-    // Calls `sink` with the position from `first` to `last` of each bit that is set, with its stored column, and
-    // whether it is mirrored, until it returns true; returns whether it did. bits(i): those of the stored columns from
-    // i * kTile on.
+    [[nodiscard]] RowBits readValues(const Columns &columns, int64_t row) const;
+    // Calls `sink` with words of the bits from `first` to `last`, unless they are 0, the position and the stored column
+    // of the lowest bit, and whether they are mirrored, until it returns true; returns whether it did. bits(i): those
+    // of the stored columns from i * kTile on.
     template <typename Bits, typename Sink>
     bool scan(Bits &&bits, int64_t first, int64_t last, Sink &&sink) const;
 
@@ -196,7 +224,7 @@ bool CellMap::scan(Bits &&bits, int64_t first, int64_t last, Sink &&sink) const
         if (run.step == 0) {
             if ((bits(run.first / kTile) >> (run.first % kTile) & 1) != 0)
                 for (int64_t i = 0; i < run.count; ++i)
-                    if (sink(x + i, run.first, false))
+                    if (sink(uint64_t{1}, x + i, run.first, false))
                         return true;
             x += run.count;
             continue;
@@ -210,13 +238,10 @@ bool CellMap::scan(Bits &&bits, int64_t first, int64_t last, Sink &&sink) const
             if (word == high / kTile)
                 set &= ~uint64_t{0} >> (kTile - 1 - high % kTile);
             any = any || set != 0;
-            for (; set != 0; set &= set - 1) {
-                const int64_t stored = word * kTile + std::countr_zero(set);
-                const bool mirrored = run.step < 0;
-                const int64_t at = x + (mirrored ? run.first - stored : stored - run.first);
-                if (sink(at, stored, mirrored))
-                    return true;
-            }
+            const bool mirrored = run.step < 0;
+            const int64_t at = x + (mirrored ? run.first - word * kTile : word * kTile - run.first);
+            if (set != 0 && sink(set, at, word * kTile, mirrored))
+                return true;
         }
         x += run.count;
     }
