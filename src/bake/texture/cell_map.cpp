@@ -204,11 +204,13 @@ const CellMap::Tile &CellMap::makeTile(size_t column, size_t row) const
     };
     auto tile = std::make_unique<Tile>();
     if (texture_.codes.first != nullptr && noBorder(rows) && noBorder(std::span(columns.texels, columns.count))) {
-        const AlphaCodes &all = texture_.codes;
+        const uint8_t *const first = texture_.codes.first;
+        const size_t stride = texture_.codes.pixelStride;
+        const size_t rowStride = texture_.codes.rowStride;
         std::array<uint8_t, kRow> gathered{};
         tile->make(rows, cells, [&](int32_t texelRow) {
-            const uint8_t *codes = all.first + static_cast<size_t>(texelRow) * all.rowStride;
-            codes = columns.gather(codes, all.pixelStride, gathered);
+            const uint8_t *codes = first + static_cast<size_t>(texelRow) * rowStride;
+            codes = columns.gather(codes, stride, gathered);
             return RowBits{pairsWithin(codes, opaqueCodes_), pairsWithin(codes, transparentCodes_)};
         });
     } else {
