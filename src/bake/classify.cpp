@@ -28,7 +28,7 @@ constexpr uint32_t kFewLevels = 5;
 // or if it has more to list than this.
 constexpr size_t kMostListed = 1 << 15;
 // Of a micro-triangle with a box of more cells than this none are listed: one that decides is soon found.
-constexpr double kMostLeafCells = 65536;
+constexpr double kMostLeafCells = 2048;
 
 void fill(uint8_t *packed, uint32_t first, uint32_t count, State state)
 {
