@@ -173,9 +173,11 @@ VkResult listExtensions(Level level, VkPhysicalDevice handle, const char *layer,
     if (layer != nullptr)
         return next(handle, layer, count, properties);
     uint32_t below = 0;
-    next(handle, nullptr, &below, nullptr);
+    if (const VkResult result = next(handle, nullptr, &below, nullptr); result != VK_SUCCESS)
+        return result;
     std::vector<VkExtensionProperties> all(below);
-    next(handle, nullptr, &below, all.data());
+    if (const VkResult result = next(handle, nullptr, &below, all.data()); result != VK_SUCCESS)
+        return result;
     change(all);
     return list<VkExtensionProperties>(all, count, properties);
 }
