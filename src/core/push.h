@@ -235,15 +235,6 @@ struct MicromapTrianglesPush {
 // khr_over_ext/marked_size.comp
 struct MarkedSizePush {
     VELLUM_ADDRESS value; // a 64-bit number
-    uint trailer;         // bytes to add to the number; 0: it is rounded up
-    uint unused;
-};
-
-// khr_over_ext/serialized_header.comp
-struct SerializedHeaderPush {
-    VELLUM_ADDRESS data;
-    uint readable; // bytes from there to the end of the buffer, at most UINT32_MAX
-    uint mode;     // kSerialized*
 };
 
 // khr_over_ext/wide_indices.comp

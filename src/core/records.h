@@ -262,16 +262,6 @@ VELLUM_CONST uint kMicromapSizeMark = 64u;
 
 VELLUM_CONST uint kInstanceUnits = 4u; // 16-byte units of a VkAccelerationStructureInstanceKHR
 
-// --- micromaps that the driver has serialized (shaders/khr_over_ext/serialized_header.comp) ---
-// A trailer follows the driver's data: its deserialized size (2 words), then the magic words. The header has the marked
-// size in place of the driver's, and a total size that includes the trailer.
-VELLUM_CONST uint kSerializedTrailerBytes = 16u;
-VELLUM_CONST uint kSerializedTrailerMagic0 = 0x564d4f54u;
-VELLUM_CONST uint kSerializedTrailerMagic1 = 0x31a78c05u;
-VELLUM_CONST uint kSerializedSeal = 0u;  // the driver has just written the data
-VELLUM_CONST uint kSerializedOpen = 1u;  // restores the driver's header before the driver reads it
-VELLUM_CONST uint kSerializedClose = 2u; // undoes kSerializedOpen
-
 // --- copies of micromaps (shaders/micromaps/micromap_move.comp) ---
 VELLUM_CONST uint kMoveSerialize = 0u;
 VELLUM_CONST uint kMoveDeserialize = 1u;

@@ -60,27 +60,11 @@ void ExtBackend::recordMicromapAnswer(VkCommandBuffer commandBuffer, const Prope
 
 void ExtBackend::recordCorrection(InjectedWork &work, const Property &property)
 {
-    if (!property.micromap)
-        return;
-    // The size marks a structure that is created with it as one for a micromap.
-    if (property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR)
+    // The size marks a structure that is created with it as one for a micromap. Applications may create the target of a
+    // deserialization with the size of the serialized data.
+    if (property.micromap && (property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR ||
+                              property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR))
         work.dispatch(InjectedShader::MarkedSize, shared::MarkedSizePush{property.address}, 1, 1);
-    else if (property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR)
-        work.dispatch(InjectedShader::MarkedSize,
-                      shared::MarkedSizePush{property.address, shared::kSerializedTrailerBytes}, 1, 1);
-}
-
-VkAccelerationStructureCompatibilityKHR ExtBackend::compatibility(const VkAccelerationStructureVersionInfoKHR &info)
-{
-    // The version data of both types has the same length. It is compatible only with the type that was serialized.
-    const DeviceTable &next = device_.driver.next;
-    VkAccelerationStructureCompatibilityKHR result = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
-    next.GetDeviceAccelerationStructureCompatibilityKHR(device_.driver.handle, &info, &result);
-    if (result == VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR || !device_.driver.enabled.khr)
-        return result;
-    const VkMicromapVersionInfoEXT micromap{VK_STRUCTURE_TYPE_MICROMAP_VERSION_INFO_EXT, nullptr, info.pVersionData};
-    next.GetDeviceMicromapCompatibilityEXT(device_.driver.handle, &micromap, &result);
-    return result;
 }
 
 } // namespace vellum::layer

@@ -3,7 +3,6 @@
 // VK_EXT_opacity_micromap.
 #pragma once
 
-#include "layer/khr_over_ext/serialized_locations.h"
 #include "layer/structures/backend.h"
 
 namespace vellum::layer
@@ -47,7 +46,6 @@ public:
 private:
     DeviceKhrOverExt &device_;
     MicromapLimits limits_; // the driver's
-    SerializedLocations serialized_;
 };
 
 } // namespace vellum::layer

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Translates copies of micromaps, and records those of other structures.
 #include <algorithm>
+#include <array>
 #include <string>
 
 #include "core/records.h"
@@ -17,6 +18,9 @@ namespace
 constexpr VkAccelerationStructureTypeKHR kMicromap = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
 constexpr VkAccelerationStructureTypeKHR kGeneric = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
 
+// Serialized data is the driver's, as it is. In that of micromaps both extensions define two UUIDs only, and the same
+// ones: "serialized-as-header" and "serialized-micromap-header" of the specification.
+
 // VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537 and VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544; KHR requires 128.
 bool checkAlignment(const DeviceKhrOverExt &device, VkDeviceAddress data, const char *what)
 {
@@ -27,31 +31,40 @@ bool checkAlignment(const DeviceKhrOverExt &device, VkDeviceAddress data, const 
     return false;
 }
 
-// The content of serialized data. The driver has separate commands for micromaps and for other structures, which are
-// recorded before the device reads the data, and the headers are the same.
-SerializedLocations::Data dataAt(const DeviceKhrOverExt &device, const SerializedLocations &locations,
-                                 const AccelerationStructure &target, VkDeviceAddress source)
+bool isMicromapVersion(const DeviceKhrOverExt &device, const uint8_t *version)
 {
-    auto data = locations.find(device.buffers, source);
-    // The sizes of micromaps that applications see are marked.
-    const bool isMicromap = target.type != kGeneric
-                                ? target.type == kMicromap
-                                : (data ? data->isMicromap : target.size % 256 == shared::kMicromapSizeMark);
-    // Other data may have been written there in the meantime.
-    if (!data || data->isMicromap != isMicromap)
-        return {isMicromap};
-    return *std::move(data);
+    const VkMicromapVersionInfoEXT info{VK_STRUCTURE_TYPE_MICROMAP_VERSION_INFO_EXT, nullptr, version};
+    VkAccelerationStructureCompatibilityKHR result = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
+    if (device.driver.enabled.khr)
+        device.driver.next.GetDeviceMicromapCompatibilityEXT(device.driver.handle, &info, &result);
+    return result == VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR;
 }
 
-// Changes the header of serialized data; `mode`: kSerialized*.
-void recordHeader(const DeviceKhrOverExt &device, InjectedWork &work, VkDeviceAddress data, uint32_t mode)
+bool isStructureVersion(const DeviceKhrOverExt &device, const VkAccelerationStructureVersionInfoKHR &info)
 {
-    const VkDeviceSize bytes = device.buffers.addresses.find(data).bytes;
-    const auto readable = static_cast<uint32_t>(std::min<VkDeviceSize>(bytes, ~0u));
-    if (readable == 0)
-        return; // in no known buffer
-    work.dispatch(InjectedShader::SerializedHeader, shared::SerializedHeaderPush{data, readable, mode}, 1, 1);
-    work.barrier();
+    VkAccelerationStructureCompatibilityKHR result = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
+    device.driver.next.GetDeviceAccelerationStructureCompatibilityKHR(device.driver.handle, &info, &result);
+    return result == VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR;
+}
+
+// Returns whether serialized data is a micromap. The driver has separate commands for micromaps and for other
+// structures, and the choice is made before the device reads the data. For a GENERIC target, the version in mapped
+// memory decides if only one of both can have it; otherwise the size of the target.
+bool holdsSerializedMicromap(const DeviceKhrOverExt &device, const AccelerationStructure &target, VkDeviceAddress data)
+{
+    if (target.type != kGeneric || !device.driver.enabled.khr)
+        return target.type == kMicromap;
+    std::array<uint8_t, 2 * VK_UUID_SIZE> version;
+    const AddressMap::Location location = device.buffers.addresses.find(data);
+    if (location.buffer && location.bytes >= version.size() &&
+        device.buffers.host.peek(location.buffer, location.offset, version.data(), version.size())) {
+        const bool isMicromap = isMicromapVersion(device, version.data());
+        if (isMicromap != isStructureVersion(device, {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_VERSION_INFO_KHR,
+                                                      nullptr, version.data()}))
+            return isMicromap;
+    }
+    // The layer reports such sizes for micromaps.
+    return target.size % 256 == shared::kMicromapSizeMark;
 }
 
 } // namespace
@@ -109,33 +122,28 @@ void ExtBackend::recordSave(VkCommandBuffer commandBuffer, const SerializedCopy 
         info.src = source.handle;
         info.dst.deviceAddress = copy.data;
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
-        serialized_.set(device_.buffers, copy.data, {});
         return device_.driver.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, &info);
     }
-    if (!checkAlignment(device_, copy.data, "serializing a micromap to") ||
-        InjectedWork::rejectedIn(device_.commands, commandBuffer, kCommand))
+    if (!checkAlignment(device_, copy.data, "serializing a micromap to"))
         return;
-    PlacedMicromap micromap = lastMicromap(device_, source);
+    const PlacedMicromap micromap = lastMicromap(device_, source);
     if (!checkDriverMicromap(device_, kCommand, source, micromap.handle))
         return;
     VkCopyMicromapToMemoryInfoEXT info{VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT};
     info.src = micromap.handle;
     info.dst.deviceAddress = copy.data;
     info.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
-    serialized_.set(device_.buffers, copy.data, {true, micromap.isKnown, std::move(micromap.usages)});
     InjectedWork work(device_.commands, commandBuffer);
     work.barrier();
     device_.driver.next.CmdCopyMicromapToMemoryEXT(commandBuffer, &info);
     work.barrier();
-    recordHeader(device_, work, copy.data, shared::kSerializedSeal);
 }
 
 void ExtBackend::recordRestore(VkCommandBuffer commandBuffer, const SerializedCopy &copy)
 {
     constexpr const char *kCommand = "vkCmdCopyMemoryToAccelerationStructureKHR";
     AccelerationStructure &target = *copy.structure;
-    SerializedLocations::Data data = dataAt(device_, serialized_, target, copy.data);
-    if (!data.isMicromap) {
+    if (!holdsSerializedMicromap(device_, target, copy.data)) {
         becomesStructure(target, target.type, false);
         VkCopyMemoryToAccelerationStructureInfoKHR info{
             VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR};
@@ -144,13 +152,10 @@ void ExtBackend::recordRestore(VkCommandBuffer commandBuffer, const SerializedCo
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;
         return device_.driver.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, &info);
     }
-    if (!checkAlignment(device_, copy.data, "deserializing a micromap from") ||
-        InjectedWork::rejectedIn(device_.commands, commandBuffer, kCommand))
+    if (!checkAlignment(device_, copy.data, "deserializing a micromap from"))
         return;
-    PlacedMicromap micromap;
+    PlacedMicromap micromap; // of unknown levels and formats
     micromap.bytes = capacityOf(device_.objects, target);
-    micromap.isKnown = data.isKnown;
-    micromap.usages = std::move(data.usages);
     micromap.handle = micromapOfSize(device_, target, micromap.bytes);
     if (!checkDriverMicromap(device_, kCommand, target, micromap.handle))
         return;
@@ -161,10 +166,16 @@ void ExtBackend::recordRestore(VkCommandBuffer commandBuffer, const SerializedCo
     setDriverMicromap(device_, target, std::move(micromap));
     InjectedWork work(device_.commands, commandBuffer);
     work.barrier();
-    recordHeader(device_, work, copy.data, shared::kSerializedOpen);
     device_.driver.next.CmdCopyMemoryToMicromapEXT(commandBuffer, &info);
     work.barrier();
-    recordHeader(device_, work, copy.data, shared::kSerializedClose);
+}
+
+VkAccelerationStructureCompatibilityKHR ExtBackend::compatibility(const VkAccelerationStructureVersionInfoKHR &info)
+{
+    // The version data of both types has the same length. It is compatible only with the type that was serialized.
+    return isStructureVersion(device_, info) || isMicromapVersion(device_, info.pVersionData)
+               ? VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR
+               : VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
 }
 
 } // namespace vellum::layer

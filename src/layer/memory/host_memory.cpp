@@ -92,7 +92,7 @@ void HostMemory::mappedByDriver(VkDeviceMemory handle, VkDeviceSize offset, VkDe
     Memory &memory = memories_[handle];
     memory.mapped = static_cast<uint8_t *>(data) - offset;
     memory.first = offset;
-    memory.last = bytes == VK_WHOLE_SIZE ? memory.bytes : offset + bytes;
+    memory.last = bytes == VK_WHOLE_SIZE ? bytes : offset + bytes;
     memory.users = 1;
 }
 
@@ -194,10 +194,21 @@ VkResult bindBufferMemory2(DeviceBuffers &device, VkDevice handle, uint32_t coun
     return result;
 }
 
+namespace
+{
+
+// Returns whether host commands of the layer may have to map the memory as well.
+bool sharesMappings(const Driver &driver)
+{
+    return driver.emulated() && driver.enabled.hostCommands;
+}
+
+} // namespace
+
 VkResult mapMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory, VkDeviceSize offset,
                    VkDeviceSize size, VkMemoryMapFlags flags, void **data)
 {
-    if (!device.driver.enabled.hostCommands) {
+    if (!sharesMappings(device.driver)) {
         const VkResult result = device.driver.next.MapMemory(handle, memory, offset, size, flags, data);
         if (result == VK_SUCCESS)
             device.host.mappedByDriver(memory, offset, size, *data);
@@ -208,7 +219,7 @@ VkResult mapMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory
 
 void unmapMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory)
 {
-    if (!device.driver.enabled.hostCommands) {
+    if (!sharesMappings(device.driver)) {
         device.host.unmappedByDriver(memory);
         return device.driver.next.UnmapMemory(handle, memory);
     }
@@ -218,7 +229,7 @@ void unmapMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory)
 VkResult mapMemory2(DeviceBuffers &device, VkDevice handle, const VkMemoryMapInfoKHR *info, void **data)
 {
     // Only the driver can map memory at an address that the application chooses (VK_EXT_map_memory_placed).
-    if (info->pNext || !device.driver.enabled.hostCommands) {
+    if (info->pNext || !sharesMappings(device.driver)) {
         const VkResult result = device.driver.next.MapMemory2KHR(handle, info, data);
         if (result == VK_SUCCESS)
             device.host.mappedByDriver(info->memory, info->offset, info->size, *data);
@@ -229,7 +240,7 @@ VkResult mapMemory2(DeviceBuffers &device, VkDevice handle, const VkMemoryMapInf
 
 VkResult unmapMemory2(DeviceBuffers &device, VkDevice handle, const VkMemoryUnmapInfoKHR *info)
 {
-    if (info->pNext || info->flags != 0 || !device.driver.enabled.hostCommands) {
+    if (info->pNext || info->flags != 0 || !sharesMappings(device.driver)) {
         const HostMemory::Mapping was = device.host.unmappedByDriver(info->memory);
         const VkResult result = device.driver.next.UnmapMemory2KHR(handle, info);
         if (result != VK_SUCCESS && was.data) // VK_ERROR_MEMORY_MAP_FAILED: it stays mapped

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The memory that buffers are bound to, and its mappings. The host commands of micromaps read and write buffers that
 // the application may or may not have mapped, and some checks read what the application has written. A memory object
-// can be mapped only once (VUID-vkMapMemory-memory-00678). So the layer keeps track of the application's mappings, and
-// maps the whole memory object, except where only the driver can map it.
+// can be mapped only once (VUID-vkMapMemory-memory-00678). So the layer keeps track of the application's mappings.
+// Where it has host commands, it maps the whole memory object, except where only the driver can map it.
 #pragma once
 
 #include <cstdint>
@@ -67,7 +67,7 @@ private:
         VkMemoryPropertyFlags properties = 0;
         VkDeviceSize bytes = 0;
         uint8_t *mapped = nullptr;            // address of offset 0; null if nothing is mapped
-        VkDeviceSize first = 0, last = 0;     // the mapped bytes
+        VkDeviceSize first = 0, last = 0;     // the mapped bytes; last may be behind the memory's end
         uint32_t users = 0;                   // the application and host views
         std::unordered_set<VkBuffer> buffers; // bound to it
     };

@@ -339,7 +339,7 @@ VkAccelerationStructureCompatibilityKHR
 EmulatedBackend::compatibility(const VkAccelerationStructureVersionInfoKHR &info)
 {
     const SerializedMicromapHeader micromap = serializedHeader(device_.driver.driverUuid, 0);
-    if (std::memcmp(info.pVersionData, &micromap, 2 * VK_UUID_SIZE) == 0)
+    if (device_.driver.enabled.khr && std::memcmp(info.pVersionData, &micromap, 2 * VK_UUID_SIZE) == 0)
         return VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR;
     // The driver decides whether it can read the data. Data of the driver alone is not compatible.
     uint32_t words[kUuidWords];

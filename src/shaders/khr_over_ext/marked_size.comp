@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Corrects a size that the driver returned. The size of a micromap is rounded up to a marked size (markedMicromapSize in
-// layer/micromaps/micromap_input.h); the size of serialized data grows by the layer's trailer.
+// Rounds up a size of a micromap that the driver returned to a marked size (markedMicromapSize in
+// layer/micromaps/micromap_input.h).
 #include "shared.h"
 #include "records.h"
 #include "push.h"
@@ -19,8 +19,7 @@ layout(push_constant, std430) uniform Push
 void main()
 {
     Words value = Words(push.value);
-    const uvec2 found = uvec2(value.w[0], value.w[1]);
-    const uvec2 size = push.trailer != 0u ? addressPlus(found, push.trailer) : marked(found);
+    const uvec2 size = marked(uvec2(value.w[0], value.w[1]));
     value.w[0] = size.x;
     value.w[1] = size.y;
 }

@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // Drivers with micromaps, which a second copy of Vellum's layer below this one gives lavapipe:
 // - "ext": VK_EXT_opacity_micromap, and not VK_KHR_opacity_micromap, VK_ARM_pipeline_opacity_micromap or
-//   VK_KHR_device_address_commands. It reports every use of these, and of micromaps that are not its own.
+//   VK_KHR_device_address_commands. It reports every use of these, and of micromaps that are not its own. In serialized
+//   micromaps, what follows the two UUIDs is its own.
 // - "khr": VK_KHR_opacity_micromap and VK_KHR_device_address_commands, and not the others.
 // - "emulating": a driver without micromaps that does not run applications' shaders as they are: the copy emulates
 //   micromaps on each device, even if they are not enabled.
 // The spy checks what else may reach such devices (knowsMicromaps).
 #include "layers/driver.h"
 
+#include <array>
 #include <atomic>
 #include <cstring>
+#include <map>
 #include <set>
 #include <utility>
 #include <vector>
@@ -185,6 +188,74 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyMicromap(VkCommandBuffer handle, const VkCopyM
     DRIVER_NEXT(vkCmdCopyMicromapEXT)(handle, info);
 }
 
+// --- serialized micromaps ---
+
+struct AddressedBuffer {
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VkDeviceSize size = 0;
+};
+std::map<VkBuffer, VkDeviceSize> bufferSizes;
+std::map<std::pair<void *, VkDeviceAddress>, AddressedBuffer> addressed;
+
+VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
+                                            const VkAllocationCallbacks *allocator, VkBuffer *buffer)
+{
+    VkBufferCreateInfo below = *info;
+    const bool isAddressed =
+        has(keyOf(handle), "ext") && (info->usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0;
+    if (isAddressed)
+        below.usage |= VK_BUFFER_USAGE_TRANSFER_DST_BIT; // for cmdSerialize
+    const VkResult result = DRIVER_NEXT(vkCreateBuffer)(handle, &below, allocator, buffer);
+    std::lock_guard lock(mutex);
+    if (result == VK_SUCCESS && isAddressed)
+        bufferSizes[*buffer] = info->size;
+    return result;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyBuffer(VkDevice handle, VkBuffer buffer, const VkAllocationCallbacks *allocator)
+{
+    {
+        std::lock_guard lock(mutex);
+        bufferSizes.erase(buffer);
+        std::erase_if(addressed, [buffer](const auto &entry) { return entry.second.buffer == buffer; });
+    }
+    DRIVER_NEXT(vkDestroyBuffer)(handle, buffer, allocator);
+}
+
+VKAPI_ATTR VkDeviceAddress VKAPI_CALL addressOf(VkDevice handle, const VkBufferDeviceAddressInfo *info)
+{
+    const VkDeviceAddress address = DRIVER_NEXT(vkGetBufferDeviceAddress)(handle, info);
+    std::lock_guard lock(mutex);
+    if (const auto found = bufferSizes.find(info->buffer); found != bufferSizes.end())
+        addressed[{keyOf(handle), address}] = {found->first, found->second};
+    return address;
+}
+
+// The extension defines two UUIDs. This driver's next bytes, which the copy below does not read on the device, would be
+// sizes in other data: they would state that the data ends where its states begin.
+VKAPI_ATTR void VKAPI_CALL cmdSerialize(VkCommandBuffer handle, const VkCopyMicromapToMemoryInfoEXT *info)
+{
+    expectMicromap("vkCmdCopyMicromapToMemoryEXT", info->src);
+    DRIVER_NEXT(vkCmdCopyMicromapToMemoryEXT)(handle, info);
+    static constexpr std::array<uint64_t, 4> own{64, 64, 0, 64};
+    const VkDeviceAddress at = info->dst.deviceAddress + 2 * VK_UUID_SIZE;
+    std::lock_guard lock(mutex);
+    const auto after = addressed.upper_bound({keyOf(handle), at});
+    if (after == addressed.begin())
+        return report("vkCmdCopyMicromapToMemoryEXT: an address in no buffer");
+    const auto &[key, found] = *std::prev(after);
+    const VkDeviceSize offset = at - key.second;
+    if (key.first != keyOf(handle) || offset + sizeof own > found.size)
+        return report("vkCmdCopyMicromapToMemoryEXT: an address in no buffer");
+    DRIVER_NEXT(vkCmdUpdateBuffer)(handle, found.buffer, offset, sizeof own, own.data());
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdDeserialize(VkCommandBuffer handle, const VkCopyMemoryToMicromapInfoEXT *info)
+{
+    expectMicromap("vkCmdCopyMemoryToMicromapEXT", info->dst);
+    DRIVER_NEXT(vkCmdCopyMemoryToMicromapEXT)(handle, info);
+}
+
 VKAPI_ATTR void VKAPI_CALL cmdWriteProperties(VkCommandBuffer handle, uint32_t count, const VkMicromapEXT *all,
                                               VkQueryType type, VkQueryPool pool, uint32_t first)
 {
@@ -254,6 +325,11 @@ LevelRows extRows()
         {"vkDestroyMicromapEXT", DRIVER_FUNCTION(destroyMicromap)},
         {"vkCmdBuildMicromapsEXT", DRIVER_FUNCTION(cmdBuildMicromaps)},
         {"vkCmdCopyMicromapEXT", DRIVER_FUNCTION(cmdCopyMicromap)},
+        {"vkCreateBuffer", DRIVER_FUNCTION(createBuffer)},
+        {"vkDestroyBuffer", DRIVER_FUNCTION(destroyBuffer)},
+        {"vkGetBufferDeviceAddress", DRIVER_FUNCTION(addressOf)},
+        {"vkCmdCopyMicromapToMemoryEXT", DRIVER_FUNCTION(cmdSerialize)},
+        {"vkCmdCopyMemoryToMicromapEXT", DRIVER_FUNCTION(cmdDeserialize)},
         {"vkCmdWriteMicromapsPropertiesEXT", DRIVER_FUNCTION(cmdWriteProperties)},
         {"vkCmdBuildAccelerationStructuresKHR", DRIVER_FUNCTION(cmdBuild)},
         {"vkGetAccelerationStructureBuildSizesKHR", DRIVER_FUNCTION(getSizes)},

@@ -244,6 +244,11 @@ TEST_F(MicromapCopy, CompatibilityOfEveryByte)
         bytes.bytes()[i] ^= 1;
     }
     EXPECT_TRUE(compatible());
+    // Without VK_KHR_opacity_micromap it is no data of an acceleration structure.
+    const auto version = vkInit<VkAccelerationStructureVersionInfoKHR>({.pVersionData = bytes.bytes()});
+    VkAccelerationStructureCompatibilityKHR result = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_MAX_ENUM_KHR;
+    gpu().vk().GetDeviceAccelerationStructureCompatibilityKHR(gpu().device(), &version, &result);
+    EXPECT_EQ(result == VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR, gpu().khr());
 }
 
 TEST_F(MicromapCopy, SerializedMicromapsCanBeReloaded)
