@@ -3,6 +3,7 @@
 #include <exception>
 #include <new>
 #include <stdexcept>
+#include <system_error>
 
 #include "base/error.h"
 #include "base/process.h"
@@ -25,8 +26,10 @@ int main(int argc, char **argv)
         code = vellum::cli::ExitCode::Usage;
     } catch (const std::logic_error &error) { // such as "stoul", which means nothing to users
         std::fprintf(stderr, "vellum: internal error (%s); please report it\n", error.what());
-    } catch (const std::exception &error) { // fmt::print() throws where stdout fails
+    } catch (const std::system_error &error) { // of fmt::print(), where stdout fails
         std::fprintf(stderr, "vellum: %s\n", std::ferror(stdout) != 0 ? "stdout cannot be written" : error.what());
+    } catch (const std::exception &error) {
+        std::fprintf(stderr, "vellum: %s\n", error.what());
     }
     return static_cast<int>(code);
 }

@@ -310,8 +310,8 @@ struct InstanceCheckPush {
 // validation/instances_contents.comp
 struct InstancesContentsPush {
     VELLUM_ADDRESS source; // instances, or pointers to them
-    VELLUM_ADDRESS
-        target; // the number of instances written, 0 before; a word of padding; their references; their masks
+    // The number of instances written, 0 before; a word of padding; their references; their masks.
+    VELLUM_ADDRESS target;
     uint count;
     uint pointers; // 1: of pointers
 };

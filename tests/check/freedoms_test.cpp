@@ -7,8 +7,10 @@
 #include "check/oracle/query_fault.h"
 #include "random_case.h"
 
+#include <algorithm>
 #include <gtest/gtest.h>
 #include <limits>
+#include <utility>
 
 namespace
 {
@@ -58,6 +60,10 @@ TEST(Freedoms, CandidatesComeAnyNumberOfTimes)
         result.tMin = ray.tMin;
         result.candidates.assign(std::min(times, oracle::kCapacity), candidate);
         EXPECT_EQ(oracle::queryFault(scene, ray, hits.hits, result) == "", times > 0) << times;
+        if (times > 0) {
+            result.candidates.back().u += 0.5f; // elsewhere
+            EXPECT_NE(oracle::queryFault(scene, ray, hits.hits, result), "") << times;
+        }
     }
 }
 

@@ -38,6 +38,13 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice, const char 
     return enumerationResult;
 }
 
+VKAPI_ATTR void VKAPI_CALL getFeatures(VkPhysicalDevice, VkPhysicalDeviceFeatures2 *features)
+{
+    auto *micromaps = static_cast<VkPhysicalDeviceOpacityMicromapFeaturesEXT *>(features->pNext);
+    EXPECT_EQ(micromaps->sType, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+    micromaps->micromap = VK_TRUE;
+}
+
 class PhysicalDeviceTest : public testing::Test
 {
 protected:
@@ -46,6 +53,8 @@ protected:
         enumerations = 0;
         enumerationResult = VK_SUCCESS;
         instance_.next.EnumerateDeviceExtensionProperties = enumerateExtensions;
+        instance_.next.GetPhysicalDeviceFeatures2 = getFeatures;
+        instance_.isVulkan11 = true;
     }
     VkPhysicalDevice handle_ = reinterpret_cast<VkPhysicalDevice>(&instance_);
     Instance instance_;
@@ -59,6 +68,14 @@ TEST_F(PhysicalDeviceTest, FoundOnce)
     EXPECT_EQ(enumerations, before);
     EXPECT_EQ(first->have.ext, Implementation::PassThrough);
     EXPECT_EQ(first->have.khr, Implementation::None);
+}
+
+// Such an instance may have the pointer, and may not call it.
+TEST_F(PhysicalDeviceTest, AnInstanceOfVersion10IsNotAskedForFeatures)
+{
+    instance_.isVulkan11 = false;
+    instance_.next.GetPhysicalDeviceFeatures2 = [](VkPhysicalDevice, VkPhysicalDeviceFeatures2 *) { ADD_FAILURE(); };
+    EXPECT_EQ(describe(instance_, handle_)->have.ext, Implementation::None);
 }
 
 TEST_F(PhysicalDeviceTest, FailuresAreNotKept)

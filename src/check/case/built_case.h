@@ -113,7 +113,8 @@ private:
     using Addresses = std::map<VkDeviceAddress, VkDeviceAddress>; // the old ones, the new ones
     // needed: addresses that the data of a top level must have. A bottom-level structure "may hold a reference" to its
     // micromaps (vkCmdBuildAccelerationStructuresKHR), or have what it needs of them.
-    void replaceAddresses(const Guarded &data, bool top, const Addresses &addresses, std::set<VkDeviceAddress> needed);
+    void replaceAddresses(const Guarded &data, bool top, const Addresses &addresses,
+                          std::set<VkDeviceAddress> needed = {});
     void deserialize(const Guarded &data, Structure &target);
 
     void runOnThreads(const Work &work);

@@ -380,8 +380,7 @@ void BuiltCase::reloadObject(const Step &step)
         if (object.uses(m))
             contents.emplace(m, serialized(*micromaps_[m], step));
     Addresses addresses;
-    for (const auto &[number, content] : contents) {
-        const uint32_t m = number;
+    for (const auto &[m, content] : contents) {
         auto copy = std::make_unique<Micromap>(gpu_, *micromaps_[m], micromaps_[m]->size());
         if (!step.structureFirst)
             deserialize(content, *copy, step);
@@ -390,7 +389,7 @@ void BuiltCase::reloadObject(const Step &step)
         originals[m]->forget();
     }
     if (!addresses.empty())
-        replaceAddresses(data, false, addresses, {});
+        replaceAddresses(data, false, addresses);
     auto target = newStructure<Blas>();
     deserialize(data, *target);
     // "Before using the deserialized acceleration structure, the micromaps must be deserialized"

@@ -165,16 +165,16 @@ public:
             return "payload changed";
         if (result_.visitCount >= kDecoyVisit)
             return "an intersection shader ran that no record names";
-        // They may run any number of times. No more of what they see is kept, so nothing can be said of the others.
-        if (result_.candidateCount > kCapacity || result_.visitCount > kCapacity)
-            return {};
-        for (const auto &check : {&PipelineFaults::visitFault, &PipelineFaults::candidateFault,
-                                  &PipelineFaults::committedFault, &PipelineFaults::missingFault}) {
+        for (const auto &check : {&PipelineFaults::visitFault, &PipelineFaults::candidateFault}) {
             const std::string what = (this->*check)();
             if (!what.empty())
                 return what;
         }
-        return {};
+        // Shaders may run any number of times. No more of what they see is kept, so nothing can be said of the others.
+        if (result_.candidateCount > kCapacity || result_.visitCount > kCapacity)
+            return {};
+        const std::string what = committedFault();
+        return what.empty() ? missingFault() : what;
     }
 
 private:

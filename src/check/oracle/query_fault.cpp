@@ -97,10 +97,6 @@ std::string queryFault(const Scene &scene, const Ray &ray, const std::vector<Hit
         return "a value that the loop around rayQueryProceedEXT changes is wrong after the loop";
     if (result.tMin < ray.tMin || result.tMin > ray.tMin)
         return "tMin read back wrong";
-    // They may come any number of times. The shader keeps no more of them, so nothing can be said of the others.
-    if (result.candidateCount > kCapacity)
-        return {};
-
     // Every candidate must be one that traversal may hand out.
     bool generated = false;
     const Candidate *end = nullptr; // at which the shader terminated the query
@@ -135,6 +131,9 @@ std::string queryFault(const Scene &scene, const Ray &ray, const std::vector<Hit
         }
     }
 
+    // They may come any number of times. The shader keeps no more of them, so nothing can be said of the others.
+    if (result.candidateCount > kCapacity)
+        return {};
     const auto seen = [&result](const Hit &hit) {
         return std::ranges::any_of(result.candidates, [&hit](const Candidate &c) { return names(hit, c); });
     };

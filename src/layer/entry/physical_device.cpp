@@ -35,12 +35,10 @@ VkResult listExtensions(const Instance &instance, VkPhysicalDevice handle, std::
 }
 
 // The loader adds the extensions in the manifests of implicit layers to the driver's list
-// (terminator_EnumerateDeviceExtensionProperties), and so the layer's own where it is one. Every driver that has such an
-// extension supports its first feature.
+// (terminator_EnumerateDeviceExtensionProperties), and so the layer's own where it is one. Every driver that has such
+// an extension supports its first feature. An instance of version 1.0, which cannot ask for it, cannot use them either.
 void eraseOwn(const Instance &instance, VkPhysicalDevice handle, std::vector<VkExtensionProperties> &list)
 {
-    if (!instance.next.GetPhysicalDeviceFeatures2)
-        return;
     struct Features { // large enough for each of the structures
         VkStructureType type;
         void *next;
@@ -55,9 +53,8 @@ void eraseOwn(const Instance &instance, VkPhysicalDevice handle, std::vector<VkE
         all[i] = {kProvidedExtensions[i].features, query.pNext, VK_FALSE, {}};
         query.pNext = &all[i];
     }
-    if (!query.pNext)
-        return;
-    instance.next.GetPhysicalDeviceFeatures2(handle, &query);
+    if (query.pNext && instance.isVulkan11 && instance.next.GetPhysicalDeviceFeatures2)
+        instance.next.GetPhysicalDeviceFeatures2(handle, &query);
     for (size_t i = 0; i < all.size(); ++i) {
         if (!all[i].first)
             std::erase_if(list, [name = kProvidedExtensions[i].name](const auto &e) {

@@ -209,7 +209,7 @@ TEST_F(BadInput, NoDestination)
 
 TEST_F(BadInput, TriangleArrayStride)
 {
-    // A rule of VK_KHR_opacity_micromap's; the layer takes any stride of 8 bytes or more.
+    // A rule of VK_KHR_opacity_micromap's; the layer takes any stride below 4 GiB.
     gpu().breaks("VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11647");
     // The first triangle four times (stride 0), and triangles that overlap. VK_EXT_opacity_micromap allows both.
     const auto expectStride = [&](VkDeviceSize stride, const std::vector<int> &expected) {

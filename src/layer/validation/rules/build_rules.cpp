@@ -2,7 +2,10 @@
 #include "layer/validation/rules/build_rules.h"
 
 #include <algorithm>
+#include <array>
+#include <iterator>
 #include <span>
+#include <utility>
 
 #include "layer/base/setting_names.h"
 #include "layer/input/checked.h"
@@ -116,14 +119,16 @@ void checkOverlaps(const RuleCheck &command, std::span<const BuildMemory> builds
                                      (other.scratch ? "scratchData" : "the target") + " of pInfos[" +
                                      std::to_string(builds[other.build].element) + "]");
     };
-    // One report for each piece at most: all builds of a wrong program may share their scratch memory.
-    const Piece *furthest = nullptr; // of those that begin before, the one with the furthest end
+    // Two reports for each piece at most: all builds of a wrong program may share their scratch memory.
+    std::array<const Piece *, 2>
+        furthest{}; // of targets, of scratch memory: of those before, the one with the furthest end
     for (const Piece &piece : pieces) {
-        const bool isBehind = !furthest || !piece.range.overlaps(furthest->range);
-        if (!isBehind)
-            reportOverlap(*furthest, piece);
-        if (isBehind || piece.range.end > furthest->range.end)
-            furthest = &piece;
+        for (const Piece *other : furthest)
+            if (other && piece.range.overlaps(other->range))
+                reportOverlap(*other, piece);
+        const Piece *&own = furthest[piece.scratch ? 1 : 0];
+        if (!own || !piece.range.overlaps(own->range) || piece.range.end > own->range.end)
+            own = &piece;
     }
 }
 
