@@ -120,8 +120,7 @@ void checkOverlaps(const RuleCheck &command, std::span<const BuildMemory> builds
                                      std::to_string(builds[other.build].element) + "]");
     };
     // Two reports for each piece at most: all builds of a wrong program may share their scratch memory.
-    std::array<const Piece *, 2>
-        furthest{}; // of targets, of scratch memory: of those before, the one with the furthest end
+    std::array<const Piece *, 2> furthest{}; // of the targets and of the scratch memory before, what ends last
     for (const Piece &piece : pieces) {
         for (const Piece *other : furthest)
             if (other && piece.range.overlaps(other->range))
