@@ -746,9 +746,11 @@ const WrongProgram kPrograms[] = {
      "MemoryFreed"},
     {"VUID-VkDeviceAddressRangeKHR-address-11365", Api::Khr, kNeedsAddressCommands, destroyedData<fill>,
      "DestroyedLater"},
-    {"VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536", Api::Ext, kNeedsNothing, destroyedData<save>, "Destroyed"},
+    // With "ext" the mock driver writes into the buffer by its handle.
+    {"VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536", Api::Ext, kNeedsNothing, destroyedData<save>, "Destroyed", "",
+     false, "ext"},
     {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739", Api::Khr, kNeedsNothing, destroyedData<save>,
-     "Destroyed"},
+     "Destroyed", "", false, "ext"},
     {"trace-invalid-structure", Api::Ext, kNeedsNothing, tracesDestroyed<Lost::Structure>, "Structure"},
     {"trace-invalid-structure", Api::Khr, kNeedsNothing, tracesDestroyed<Lost::Buffer>, "Buffer"},
     {"trace-invalid-structure", Api::Khr, kNeedsNothing, tracesInDestroyed, "TopLevel"},
