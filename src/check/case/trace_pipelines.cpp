@@ -17,16 +17,6 @@ bool usesMicromaps(const Device &gpu)
     return gpu.options().micromaps && gpu.options().micromapFeature;
 }
 
-} // namespace
-
-bool skipsPrimitives(const Device &gpu)
-{
-    return gpu.hasPrimitiveCulling() || gpu.has(VK_KHR_RAY_QUERY_EXTENSION_NAME);
-}
-
-namespace
-{
-
 // A module of the plan: with what the ray flags of micromaps need, literal constants, and selected or signed ray flags.
 std::vector<uint32_t> completed(const Device &gpu, const TracePlan &plan, std::span<const uint32_t> module,
                                 uint32_t flags, std::span<const uint32_t> literals)
@@ -105,6 +95,11 @@ std::optional<std::string> missingStage(const Device &gpu, VkShaderStageFlagBits
 }
 
 } // namespace
+
+bool skipsPrimitives(const Device &gpu)
+{
+    return gpu.hasPrimitiveCulling() || gpu.has(VK_KHR_RAY_QUERY_EXTENSION_NAME);
+}
 
 std::vector<uint32_t> stagesOfGroup(uint32_t group)
 {

@@ -15,10 +15,12 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <map>
 #include <mutex>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace driver
@@ -181,5 +183,60 @@ VkResult listExtensions(Level level, VkPhysicalDevice handle, const char *layer,
     change(all);
     return list<VkExtensionProperties>(all, count, properties);
 }
+
+// Buffers by address, for a quirk that writes where a command names an address.
+class AddressedBuffers
+{
+public:
+    struct Found {
+        VkBuffer buffer = VK_NULL_HANDLE;
+        VkDeviceSize offset = 0;
+    };
+    // Creates a buffer that transfers can write to, and remembers it.
+    VkResult create(Level level, VkDevice handle, const VkBufferCreateInfo &info,
+                    const VkAllocationCallbacks *allocator, VkBuffer *buffer)
+    {
+        VkBufferCreateInfo below = info;
+        below.usage |= VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+        const VkResult result =
+            next<PFN_vkCreateBuffer>(level, keyOf(handle), "vkCreateBuffer")(handle, &below, allocator, buffer);
+        std::lock_guard lock(mutex_);
+        if (result == VK_SUCCESS)
+            sizes_[*buffer] = info.size;
+        return result;
+    }
+    void forget(VkBuffer buffer)
+    {
+        std::lock_guard lock(mutex_);
+        sizes_.erase(buffer);
+        std::erase_if(addressed_, [buffer](const auto &entry) { return entry.second == buffer; });
+    }
+    [[nodiscard]] bool has(VkBuffer buffer) const
+    {
+        std::lock_guard lock(mutex_);
+        return sizes_.contains(buffer);
+    }
+    // Of a buffer that it does not have it remembers nothing.
+    void setAddress(VkDevice handle, VkBuffer buffer, VkDeviceAddress address)
+    {
+        std::lock_guard lock(mutex_);
+        if (sizes_.contains(buffer))
+            addressed_[{keyOf(handle), address}] = buffer;
+    }
+    // Buffers may share memory: any that holds all of it.
+    [[nodiscard]] Found find(VkCommandBuffer handle, VkDeviceAddress address, VkDeviceSize bytes) const
+    {
+        std::lock_guard lock(mutex_);
+        for (const auto &[at, buffer] : addressed_)
+            if (at.first == keyOf(handle) && at.second <= address && address + bytes <= at.second + sizes_.at(buffer))
+                return {buffer, address - at.second};
+        return {};
+    }
+
+private:
+    mutable std::mutex mutex_;
+    std::map<VkBuffer, VkDeviceSize> sizes_;
+    std::map<std::pair<void *, VkDeviceAddress>, VkBuffer> addressed_;
+};
 
 } // namespace driver

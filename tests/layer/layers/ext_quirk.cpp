@@ -12,7 +12,6 @@
 #include <array>
 #include <atomic>
 #include <cstring>
-#include <map>
 #include <set>
 #include <utility>
 #include <vector>
@@ -190,44 +189,26 @@ VKAPI_ATTR void VKAPI_CALL cmdCopyMicromap(VkCommandBuffer handle, const VkCopyM
 
 // --- serialized micromaps ---
 
-struct AddressedBuffer {
-    VkBuffer buffer = VK_NULL_HANDLE;
-    VkDeviceSize size = 0;
-};
-std::map<VkBuffer, VkDeviceSize> bufferSizes;
-std::map<std::pair<void *, VkDeviceAddress>, AddressedBuffer> addressed;
+AddressedBuffers buffers;
 
 VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
                                             const VkAllocationCallbacks *allocator, VkBuffer *buffer)
 {
-    VkBufferCreateInfo below = *info;
-    const bool isAddressed =
-        has(keyOf(handle), "ext") && (info->usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0;
-    if (isAddressed)
-        below.usage |= VK_BUFFER_USAGE_TRANSFER_DST_BIT; // for cmdSerialize
-    const VkResult result = DRIVER_NEXT(vkCreateBuffer)(handle, &below, allocator, buffer);
-    std::lock_guard lock(mutex);
-    if (result == VK_SUCCESS && isAddressed)
-        bufferSizes[*buffer] = info->size;
-    return result;
+    if (has(keyOf(handle), "ext") && (info->usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0)
+        return buffers.create(kLevel, handle, *info, allocator, buffer);
+    return DRIVER_NEXT(vkCreateBuffer)(handle, info, allocator, buffer);
 }
 
 VKAPI_ATTR void VKAPI_CALL destroyBuffer(VkDevice handle, VkBuffer buffer, const VkAllocationCallbacks *allocator)
 {
-    {
-        std::lock_guard lock(mutex);
-        bufferSizes.erase(buffer);
-        std::erase_if(addressed, [buffer](const auto &entry) { return entry.second.buffer == buffer; });
-    }
+    buffers.forget(buffer);
     DRIVER_NEXT(vkDestroyBuffer)(handle, buffer, allocator);
 }
 
 VKAPI_ATTR VkDeviceAddress VKAPI_CALL addressOf(VkDevice handle, const VkBufferDeviceAddressInfo *info)
 {
     const VkDeviceAddress address = DRIVER_NEXT(vkGetBufferDeviceAddress)(handle, info);
-    std::lock_guard lock(mutex);
-    if (const auto found = bufferSizes.find(info->buffer); found != bufferSizes.end())
-        addressed[{keyOf(handle), address}] = {found->first, found->second};
+    buffers.setAddress(handle, info->buffer, address);
     return address;
 }
 
@@ -238,16 +219,10 @@ VKAPI_ATTR void VKAPI_CALL cmdSerialize(VkCommandBuffer handle, const VkCopyMicr
     expectMicromap("vkCmdCopyMicromapToMemoryEXT", info->src);
     DRIVER_NEXT(vkCmdCopyMicromapToMemoryEXT)(handle, info);
     static constexpr std::array<uint64_t, 4> own{64, 64, 0, 64};
-    const VkDeviceAddress at = info->dst.deviceAddress + 2 * VK_UUID_SIZE;
-    std::lock_guard lock(mutex);
-    const auto after = addressed.upper_bound({keyOf(handle), at});
-    if (after == addressed.begin())
+    const AddressedBuffers::Found found = buffers.find(handle, info->dst.deviceAddress + 2 * VK_UUID_SIZE, sizeof own);
+    if (found.buffer == VK_NULL_HANDLE)
         return report("vkCmdCopyMicromapToMemoryEXT: an address in no buffer");
-    const auto &[key, found] = *std::prev(after);
-    const VkDeviceSize offset = at - key.second;
-    if (key.first != keyOf(handle) || offset + sizeof own > found.size)
-        return report("vkCmdCopyMicromapToMemoryEXT: an address in no buffer");
-    DRIVER_NEXT(vkCmdUpdateBuffer)(handle, found.buffer, offset, sizeof own, own.data());
+    DRIVER_NEXT(vkCmdUpdateBuffer)(handle, found.buffer, found.offset, sizeof own, own.data());
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdDeserialize(VkCommandBuffer handle, const VkCopyMemoryToMicromapInfoEXT *info)

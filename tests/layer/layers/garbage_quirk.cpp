@@ -39,13 +39,8 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
 
 constexpr uint32_t kScratch = 0xabababab;
 
-struct Bound {
-    VkBuffer buffer = VK_NULL_HANDLE;
-    VkDeviceSize size = 0;
-};
+AddressedBuffers buffers; // that may be scratch memory
 std::mutex mutex;
-std::map<VkBuffer, VkDeviceSize> sizes; // of buffers that may be scratch memory
-std::map<std::pair<void *, VkDeviceAddress>, Bound> bound;
 std::map<void *, VkDevice> deviceHandles; // by dispatch key
 
 bool takesMore(void *key)
@@ -75,38 +70,23 @@ VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreat
 {
     constexpr VkBufferUsageFlags scratch =
         VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
-    VkBufferCreateInfo below = *info;
-    const bool mayBe = takesMore(keyOf(handle)) && (info->usage & scratch) == scratch;
-    if (mayBe)
-        below.usage |= VK_BUFFER_USAGE_TRANSFER_DST_BIT; // the garbage is written by a transfer
-    const VkResult result = DRIVER_NEXT(vkCreateBuffer)(handle, &below, allocator, buffer);
-    std::lock_guard lock(mutex);
-    if (result == VK_SUCCESS && mayBe)
-        sizes[*buffer] = info->size;
-    return result;
+    if (takesMore(keyOf(handle)) && (info->usage & scratch) == scratch)
+        return buffers.create(kLevel, handle, *info, allocator, buffer);
+    return DRIVER_NEXT(vkCreateBuffer)(handle, info, allocator, buffer);
 }
 
 VKAPI_ATTR void VKAPI_CALL destroyBuffer(VkDevice handle, VkBuffer buffer, const VkAllocationCallbacks *allocator)
 {
-    {
-        std::lock_guard lock(mutex);
-        sizes.erase(buffer);
-        std::erase_if(bound, [buffer](const auto &entry) { return entry.second.buffer == buffer; });
-    }
+    buffers.forget(buffer);
     DRIVER_NEXT(vkDestroyBuffer)(handle, buffer, allocator);
 }
 
 void noteBound(VkDevice handle, VkBuffer buffer)
 {
+    if (!buffers.has(buffer))
+        return;
     auto info = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer});
-    {
-        std::lock_guard lock(mutex);
-        if (!sizes.contains(buffer))
-            return;
-    }
-    const VkDeviceAddress address = DRIVER_NEXT(vkGetBufferDeviceAddress)(handle, &info);
-    std::lock_guard lock(mutex);
-    bound[{keyOf(handle), address}] = {buffer, sizes[buffer]};
+    buffers.setAddress(handle, buffer, DRIVER_NEXT(vkGetBufferDeviceAddress)(handle, &info));
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory(VkDevice handle, VkBuffer buffer, VkDeviceMemory memory,
@@ -150,22 +130,11 @@ void writeGarbage(VkCommandBuffer handle, const VkAccelerationStructureBuildGeom
     const VkDeviceSize bytes = info.mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR ? needed.updateScratchSize
                                                                                             : needed.buildScratchSize;
     const VkDeviceAddress address = info.scratchData.deviceAddress;
-    Bound found;
-    VkDeviceSize offset = 0;
-    {
-        std::lock_guard lock(mutex);
-        // Buffers may share memory: any that holds all of it.
-        for (const auto &[at, one] : bound) {
-            if (at.first == keyOf(handle) && at.second <= address && address + bytes <= at.second + one.size) {
-                found = one;
-                offset = address - at.second;
-            }
-        }
-    }
+    const AddressedBuffers::Found found = buffers.find(handle, address, bytes);
     if (found.buffer == VK_NULL_HANDLE)
         return report("VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03671 or -03672: no buffer has the " +
                       std::to_string(bytes) + " bytes of scratch memory at " + std::to_string(address));
-    DRIVER_NEXT(vkCmdFillBuffer)(handle, found.buffer, offset, bytes & ~VkDeviceSize{3}, kScratch);
+    DRIVER_NEXT(vkCmdFillBuffer)(handle, found.buffer, found.offset, bytes & ~VkDeviceSize{3}, kScratch);
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, uint32_t count,
