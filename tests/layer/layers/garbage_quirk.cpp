@@ -4,7 +4,6 @@
 #include "layers/driver.h"
 
 #include <cstring>
-#include <map>
 #include <vector>
 
 namespace
@@ -40,8 +39,6 @@ VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAll
 constexpr uint32_t kScratch = 0xabababab;
 
 AddressedBuffers buffers; // that may be scratch memory
-std::mutex mutex;
-std::map<void *, VkDevice> deviceHandles; // by dispatch key
 
 bool takesMore(void *key)
 {
@@ -53,16 +50,6 @@ void claim(VkAccelerationStructureBuildSizesInfoKHR &needed)
     needed.buildScratchSize = needed.buildScratchSize * 2 + 1000;
     // More than a build needs: it is unknown which is larger.
     needed.updateScratchSize = needed.buildScratchSize + 3000;
-}
-
-VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDeviceCreateInfo *info,
-                                            const VkAllocationCallbacks *allocator, VkDevice *device)
-{
-    const VkResult result = DRIVER_NEXT(vkCreateDevice)(handle, info, allocator, device);
-    std::lock_guard lock(mutex);
-    if (result == VK_SUCCESS)
-        deviceHandles[keyOf(*device)] = *device;
-    return result;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
@@ -118,14 +105,9 @@ VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructur
 void writeGarbage(VkCommandBuffer handle, const VkAccelerationStructureBuildGeometryInfoKHR &info,
                   const std::vector<uint32_t> &counts)
 {
-    VkDevice device = VK_NULL_HANDLE;
-    {
-        std::lock_guard lock(mutex);
-        device = deviceHandles[keyOf(handle)];
-    }
     auto needed = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
     DRIVER_NEXT(vkGetAccelerationStructureBuildSizesKHR)
-    (device, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, counts.data(), &needed);
+    (deviceOf(keyOf(handle)), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, counts.data(), &needed);
     claim(needed);
     const VkDeviceSize bytes = info.mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR ? needed.updateScratchSize
                                                                                             : needed.buildScratchSize;
@@ -174,6 +156,5 @@ driver::LevelRows driver::garbageRows()
         {"vkCmdBuildAccelerationStructuresKHR", DRIVER_FUNCTION(cmdBuild)},
         {"vkCmdBuildAccelerationStructuresIndirectKHR", DRIVER_FUNCTION(cmdBuildIndirect)},
     };
-    static const Row instance[]{{"vkCreateDevice", DRIVER_FUNCTION(createDevice)}};
-    return {device, instance};
+    return {device, {}};
 }

@@ -148,8 +148,6 @@ void setContent(VkAccelerationStructureKHR structure, const Content &content)
     contents[handles[structure].place] = content;
 }
 
-std::map<void *, VkDevice> deviceHandles; // by dispatch key, for what only command buffers are known of
-
 VkAccelerationStructureKHR ofExactSize(VkCommandBuffer handle, VkAccelerationStructureKHR structure, VkDeviceSize bytes)
 {
     std::lock_guard lock(mutex);
@@ -161,7 +159,7 @@ VkAccelerationStructureKHR ofExactSize(VkCommandBuffer handle, VkAccelerationStr
         return known->second;
     auto info = vkInit<VkAccelerationStructureCreateInfoKHR>(
         {.buffer = own.place.first, .offset = own.place.second, .size = bytes, .type = own.type});
-    DRIVER_NEXT(vkCreateAccelerationStructureKHR)(deviceHandles[keyOf(handle)], &info, nullptr, &known->second);
+    DRIVER_NEXT(vkCreateAccelerationStructureKHR)(deviceOf(keyOf(handle)), &info, nullptr, &known->second);
     return known->second;
 }
 
@@ -173,16 +171,6 @@ void writeGarbage(VkCommandBuffer handle, VkAccelerationStructureKHR structure, 
     const VkDeviceSize end = (own.place.second + std::min(content.claimed, own.size)) & ~VkDeviceSize{3};
     if (begin < end)
         DRIVER_NEXT(vkCmdFillBuffer)(handle, own.place.first, begin, end - begin, 0xdeadbeef);
-}
-
-VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDeviceCreateInfo *info,
-                                            const VkAllocationCallbacks *allocator, VkDevice *device)
-{
-    const VkResult result = DRIVER_NEXT(vkCreateDevice)(handle, info, allocator, device);
-    std::lock_guard lock(mutex);
-    if (result == VK_SUCCESS)
-        deviceHandles[keyOf(*device)] = *device;
-    return result;
 }
 
 VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
@@ -197,13 +185,8 @@ VkDeviceSize neededBytes(VkCommandBuffer handle, const VkAccelerationStructureBu
                          const std::vector<uint32_t> &counts)
 {
     auto sizes = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
-    VkDevice device = VK_NULL_HANDLE;
-    {
-        std::lock_guard lock(mutex);
-        device = deviceHandles[keyOf(handle)];
-    }
     DRIVER_NEXT(vkGetAccelerationStructureBuildSizesKHR)
-    (device, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, counts.data(), &sizes);
+    (deviceOf(keyOf(handle)), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, counts.data(), &sizes);
     return sizes.accelerationStructureSize;
 }
 
@@ -321,9 +304,6 @@ driver::LevelRows driver::structureRows()
         {"vkCmdCopyMemoryToAccelerationStructureKHR", DRIVER_FUNCTION(cmdDeserialize)},
         {"vkCmdWriteAccelerationStructuresPropertiesKHR", DRIVER_FUNCTION(cmdWriteProperties)},
     };
-    static const Row instance[]{
-        {"vkCreateDevice", DRIVER_FUNCTION(createDevice)},
-        {"vkGetPhysicalDeviceProperties2", DRIVER_FUNCTION(getProperties2)},
-    };
+    static const Row instance[]{{"vkGetPhysicalDeviceProperties2", DRIVER_FUNCTION(getProperties2)}};
     return {device, instance};
 }
