@@ -45,9 +45,10 @@ struct NewerExtension {
     const char *name;
     uint32_t features; // VkStructureType
 };
-constexpr std::array<NewerExtension, 10> kNewerExtensions{{
+constexpr std::array<NewerExtension, 11> kNewerExtensions{{
     {"VK_EXT_pipeline_robustness", VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PIPELINE_ROBUSTNESS_FEATURES_EXT},
     {"VK_KHR_maintenance5", 1000470000},
+    {"VK_EXT_descriptor_heap", 1000135009},
     {"VK_EXT_descriptor_buffer", VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DESCRIPTOR_BUFFER_FEATURES_EXT},
     {"VK_EXT_device_generated_commands", 1000572000},
     {"VK_EXT_shader_module_identifier", VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SHADER_MODULE_IDENTIFIER_FEATURES_EXT},

@@ -33,11 +33,23 @@ struct Traced<next> {
     }
 };
 
+template <auto function>
+struct Forwarded;
+template <typename... Arguments, void (*function)(DeviceCommandBuffers &, VkCommandBuffer, Arguments...)>
+struct Forwarded<function> {
+    static void call(DeviceValidation &device, VkCommandBuffer commandBuffer, Arguments... arguments)
+    {
+        function(device.commands, commandBuffer, arguments...);
+    }
+};
+
 namespace validation
 {
 
 #define VELLUM_VALIDATOR(command, function, ...) ValidatorOf<PFN_vk##command>::Type function;
 #define VELLUM_DEVICE(command, scope, implementation, ...) __VA_OPT__(VELLUM_VALIDATOR(command, __VA_ARGS__))
+#define VELLUM_STATE(command, scope, implementation, function)                                                         \
+    inline constexpr auto function = &Forwarded<layer::implementation>::call;
 // Commands that run shaders
 #define VELLUM_TRACED(bindPoint, command, scope, implementation, function)                                             \
     inline constexpr TracingCommand k##command{"vk" #command, VK_PIPELINE_BIND_POINT_##bindPoint};                     \
