@@ -16,9 +16,9 @@
 #include "cli/options/options.h"
 #include "core/utf8_path.h"
 #include "inspect/comparison.h"
+#include "inspect/inspected_file.h"
 #include "inspect/page.h"
 #include "inspect/report_parts.h"
-#include "inspect/tally.h"
 #include "inspect/uv_picture.h"
 
 namespace vellum::cli

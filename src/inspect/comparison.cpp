@@ -6,8 +6,8 @@
 #include <map>
 
 #include "base/text.h"
+#include "inspect/inspected_file.h"
 #include "inspect/plain_page.h"
-#include "inspect/tally.h"
 
 namespace vellum::inspect
 {

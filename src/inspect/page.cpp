@@ -11,10 +11,10 @@
 #include "base/picture.h"
 #include "base/text.h"
 #include "gltf/file/uri.h"
+#include "inspect/inspected_file.h"
 #include "inspect/mesh_picture.h"
 #include "inspect/page_data.h"
 #include "inspect/page_files.h"
-#include "inspect/tally.h"
 
 namespace vellum::inspect
 {

@@ -7,7 +7,7 @@
 
 #include "base/picture.h"
 #include "base/text.h"
-#include "inspect/tally.h"
+#include "inspect/inspected_file.h"
 
 namespace vellum::inspect
 {

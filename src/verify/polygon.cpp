@@ -6,6 +6,7 @@
 
 namespace vellum::verify
 {
+
 namespace
 {
 
