@@ -179,6 +179,36 @@ std::string percent(double share)
     return text;
 }
 
+std::string alignedRows(std::span<const std::vector<std::string>> rows, size_t left, std::string_view indent)
+{
+    std::vector<size_t> widths(rows.empty() ? 0 : rows.front().size());
+    for (const std::vector<std::string> &row : rows)
+        for (size_t i = 0; i < row.size(); ++i)
+            widths[i] = std::max(widths[i], row[i].size());
+    std::string text;
+    for (const std::vector<std::string> &row : rows) {
+        std::string line(indent);
+        for (size_t i = 0; i < row.size(); ++i) {
+            const std::string gap(widths[i] - row[i].size(), ' ');
+            line += i == 0 ? "" : i < left ? " " : "  ";
+            line += i < left ? row[i] + gap : gap + row[i];
+        }
+        text += line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
+    }
+    return text;
+}
+
+std::string shellWord(const std::string &text)
+{
+    constexpr const char *kPlain = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+-./:=@_,%";
+    if (!text.empty() && text.find_first_not_of(kPlain) == std::string::npos)
+        return text;
+    std::string word = "'";
+    for (const char c : text)
+        word += c == '\'' ? "'\\''" : std::string(1, c);
+    return word + "'";
+}
+
 std::vector<std::string> partsOf(const std::string &list, char separator)
 {
     std::vector<std::string> parts;

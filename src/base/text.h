@@ -37,6 +37,13 @@ std::string counted(uint64_t number, const char *one, const char *many = nullptr
 // 0.125 -> 12.5 %
 std::string percent(double share);
 
+// A line for each row, with its columns aligned: the first `left` to the left, the others to the right. Rows have as
+// many cells as the first, or fewer.
+std::string alignedRows(std::span<const std::vector<std::string>> rows, size_t left, std::string_view indent);
+
+// A word of a shell's command.
+std::string shellWord(const std::string &text);
+
 // The parts of a list that are not empty.
 std::vector<std::string> partsOf(const std::string &list, char separator);
 

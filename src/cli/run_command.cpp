@@ -17,13 +17,13 @@
 #include "cli/base/exit_code.h"
 #include "cli/base/files.h"
 #include "cli/base/variables.h"
-#include "cli/info/manifests.h"
+#include "cli/info/loader_report.h"
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/options.h"
 #include "cli/run/run_report.h"
 #include "core/utf8_path.h"
-#include "gpu/layer_path.h"
+#include "gpu/instance.h"
 #include "layer/base/setting_names.h"
 
 namespace vellum::cli
@@ -149,7 +149,7 @@ bool writeFile(const std::optional<std::filesystem::path> &path, const std::stri
 {
     try {
         if (path)
-            writeWhole(*path, {reinterpret_cast<const uint8_t *>(text.data()), text.size()});
+            writeWhole(*path, text);
         return true;
     } catch (const std::exception &error) {
         if (!quiet)
@@ -293,10 +293,7 @@ std::function<int()> declareRunCommand(CLI::App &app, const std::vector<std::str
     takesWords(implementation, {"auto", "driver", "ext", "emulated"});
     command.add_flag("--assume-micromaps", options->assumeMicromaps,
                      "Use micromaps in pipelines and ray queries that do not enable them");
-    command
-        .add_option("--layer-path", options->layerFolder,
-                    "Folder of the layer's manifest, instead of the one installed with this program")
-        ->type_name("FOLDER");
+    addLayerPathOption(command, options->layerFolder);
     return [options, words] {
         if (options->junit)
             checkSuffix(*options->junit, {".xml"});

@@ -12,7 +12,4 @@ namespace vellum::inspect
 
 std::string makePage(const Document &document, const InspectedFile &file, const PageLimits &limits = {});
 
-// The image with its longer edge at most `edge`; each texel is the mean of a square of texels.
-Image scaledDown(const Image &image, uint32_t edge);
-
 } // namespace vellum::inspect

@@ -154,9 +154,7 @@ void declareFiles(CLI::App &command, BakeCommandOptions &options, RawFileOptions
         ->type_name("BYTES");
     command.option_defaults()->group(kGeneral);
     command.add_flag("-q,--quiet", options.quiet, "Print errors only");
-    command.add_option("-j,--threads", options.threads, "Number of threads [one for each processor]")
-        ->check(wholeBetween(0, kMostBakeThreads))
-        ->type_name("COUNT");
+    addThreadsOption(command, options.threads);
 }
 
 void declareSelection(CLI::App &command, DocumentBakeOptions &options)

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "cli/check/case_id.h"
+#include "cli/check/cases.h"
 #include "core/utf8_path.h"
 
 namespace vellum::cli

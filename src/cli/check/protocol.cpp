@@ -8,7 +8,7 @@
 #include "base/json_reader.h"
 #include "base/json_writer.h"
 #include "cli/base/files.h"
-#include "cli/check/case_id.h"
+#include "cli/check/cases.h"
 #include "cli/check/expectations.h"
 #include "core/utf8_path.h"
 #include "inspect/report_parts.h"

@@ -118,6 +118,21 @@ void addDeviceOption(CLI::App &command, gpu::DeviceSelection &device)
         ->type_name("DEVICE");
 }
 
+void addLayerPathOption(CLI::App &command, std::optional<std::filesystem::path> &folder)
+{
+    command
+        .add_option("--layer-path", folder,
+                    "Folder of the layer's manifest, instead of the one installed with this program")
+        ->type_name("FOLDER");
+}
+
+void addThreadsOption(CLI::App &command, unsigned &threads)
+{
+    command.add_option("-j,--threads", threads, "Number of threads [one for each processor]")
+        ->check(wholeBetween(0, kMostBakeThreads))
+        ->type_name("COUNT");
+}
+
 namespace
 {
 

@@ -6,7 +6,6 @@
 #include "check/case/names.h"
 #include "check/case/shrink/passes.h"
 #include "check/case/shrink/removal.h"
-#include "check/case/shrink/simplest.h"
 #include "check/oracle/cpu_trace.h"
 
 namespace vellum::check

@@ -7,7 +7,6 @@
 #include "check/case/names.h"
 #include "check/case/shrink/passes.h"
 #include "check/case/shrink/removal.h"
-#include "check/case/shrink/simplest.h"
 
 namespace vellum::check
 {
