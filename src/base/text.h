@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Text: UTF-8, patterns of names, and what people read.
+// Text: UTF-8, patterns of names, numbers, and what people read.
 #pragma once
 
 #include <cstddef>
@@ -58,5 +58,22 @@ std::string hexadecimal(uint64_t number);
 std::optional<uint64_t> parseHexadecimal(std::string_view text);
 // "00ff": two digits for each byte.
 std::string hexOf(std::span<const uint8_t> bytes);
+
+// The shortest text that is read as the same number, which must be finite; in the shorter of both notations.
+std::string shortestText(double number);
+std::string shortestText(float number);
+
+// The number that all of a text is, in the grammar of JSON. 0 where it is closer to 0 than any other double; nothing
+// where it is none, or larger than all of them.
+std::optional<double> parseReal(std::string_view text);
+
+// The library of clang 14 has neither std::to_chars nor std::from_chars for these. The functions of this namespace give
+// the same results by those of C, and need the locale "C".
+namespace plain
+{
+std::string shortestText(double number);
+std::string shortestText(float number);
+std::optional<double> parseReal(std::string_view text);
+} // namespace plain
 
 } // namespace vellum

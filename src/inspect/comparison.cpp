@@ -7,7 +7,7 @@
 
 #include "base/text.h"
 #include "inspect/inspected_file.h"
-#include "inspect/plain_page.h"
+#include "inspect/page.h"
 #include "inspect/report_parts.h"
 
 namespace vellum::inspect

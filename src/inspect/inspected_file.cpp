@@ -12,7 +12,7 @@
 #include "base/error.h"
 #include "core/utf8_path.h"
 #include "gltf/alpha_textures.h"
-#include "gltf/file/input_file.h"
+#include "gltf/file/open_file.h"
 #include "gltf/file/uri.h"
 #include "inspect/report_parts.h"
 

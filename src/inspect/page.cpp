@@ -406,4 +406,18 @@ std::string makePage(const Document &document, const InspectedFile &file, const 
     }
 }
 
+std::string plainPage(const std::string &title, const std::string &body)
+{
+    std::string page;
+    std::string_view rest = kPage_plain_html;
+    for (const auto &[mark, text] : {std::pair<std::string_view, std::string>("<!--@title-->", markupText(title)),
+                                     {"<!--@title-->", markupText(title)},
+                                     {"<!--@body-->", body}}) {
+        const size_t at = rest.find(mark);
+        page.append(rest.substr(0, at)).append(text);
+        rest.remove_prefix(at + mark.size());
+    }
+    return page.append(rest);
+}
+
 } // namespace vellum::inspect

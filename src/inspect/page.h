@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The HTML page of `vellum inspect`: one file that needs no other.
+// HTML pages that need no other file: that of `vellum inspect`, and others.
 #pragma once
 
 #include <string>
@@ -10,6 +10,11 @@
 namespace vellum::inspect
 {
 
+// The page of `vellum inspect`.
 std::string makePage(const Document &document, const InspectedFile &file, const PageLimits &limits = {});
+
+// A page without scripts: a heading, and a body that is HTML already. Tables, .chosen rows and .muted paragraphs have a
+// style; so have <b class="bar"><i style="width: 40%"></i></b>.
+std::string plainPage(const std::string &title, const std::string &body);
 
 } // namespace vellum::inspect

@@ -7,7 +7,7 @@
 #include "base/error.h"
 #include "core/utf8_path.h"
 #include "gltf/file/gltf_error.h"
-#include "gltf/file/new_file.h"
+#include "gltf/file/open_file.h"
 #include "gltf/file/output_files.h"
 
 namespace vellum::cli

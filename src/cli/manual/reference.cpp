@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "cli/command_line.h"
 #include "cli/options/cli11.h"
+#include "cli/options/commands.h"
 #include "cli/options/options.h"
 #include "core/utf8_path.h"
 

@@ -11,7 +11,7 @@
 #include <rapidjson/reader.h>
 
 #include "base/json_writer.h"
-#include "base/real_text.h"
+#include "base/text.h"
 #include "gltf/file/gltf_error.h"
 
 namespace vellum
