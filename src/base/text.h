@@ -2,12 +2,14 @@
 // Text: UTF-8, patterns of names, numbers, and what people read.
 #pragma once
 
+#include <charconv>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 namespace vellum
@@ -52,6 +54,16 @@ std::string base64Encoded(std::span<const uint8_t> bytes);
 
 // Text of an element of HTML or SVG, or of an attribute in double quotes; invalid UTF-8 becomes U+FFFD.
 std::string markupText(std::string_view text);
+
+// The number that all of a text is.
+template <typename Number>
+std::optional<Number> parseNumber(std::string_view text)
+{
+    Number number{};
+    const char *end = text.data() + text.size();
+    const auto [last, error] = std::from_chars(text.data(), end, number);
+    return error == std::errc() && last == end ? std::optional(number) : std::nullopt;
+}
 
 // "0x0123456789abcdef": numbers of 64 bits are strings in JSON.
 std::string hexadecimal(uint64_t number);

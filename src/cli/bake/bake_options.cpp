@@ -305,10 +305,8 @@ std::optional<uint32_t> parseLevel(const std::string &text)
 {
     if (text == "auto")
         return std::nullopt;
-    uint32_t level = 0;
-    const char *end = text.data() + text.size();
-    const auto read = std::from_chars(text.data(), end, level);
-    if (read.ec != std::errc() || read.ptr != end || level > shared::kMaxSubdivisionLevel)
+    const auto level = parseNumber<uint32_t>(text);
+    if (!level || *level > shared::kMaxSubdivisionLevel)
         throw UsageError("--level must be auto or a whole number between 0 and 12, got " + text);
     return level;
 }

@@ -2,7 +2,6 @@
 #include "cli/check/cases.h"
 
 #include <algorithm>
-#include <charconv>
 #include <fmt/format.h>
 #include <numeric>
 
@@ -11,20 +10,6 @@
 
 namespace vellum::cli
 {
-
-namespace
-{
-
-std::optional<uint32_t> parseNumber(std::string_view text)
-{
-    uint32_t number = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-    if (error != std::errc() || end != text.data() + text.size() || fmt::format("{:04}", number) != text)
-        return std::nullopt;
-    return number;
-}
-
-} // namespace
 
 const char *nameOf(check::Api api)
 {
@@ -56,8 +41,8 @@ std::optional<CaseId> parseCase(std::string_view name)
     if (first == last || (name.substr(0, first) != "khr" && name.substr(0, first) != "ext"))
         return std::nullopt;
     const check::Group *group = findGroup(name.substr(first + 1, last - first - 1));
-    const std::optional<uint32_t> number = parseNumber(name.substr(last + 1));
-    if (group == nullptr || !number)
+    const auto number = parseNumber<uint32_t>(name.substr(last + 1));
+    if (group == nullptr || !number || fmt::format("{:04}", *number) != name.substr(last + 1))
         return std::nullopt;
     return CaseId{name.starts_with("khr") ? check::Api::Khr : check::Api::Ext, group, *number};
 }

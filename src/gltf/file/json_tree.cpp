@@ -2,7 +2,6 @@
 #include "gltf/file/json_tree.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <new>
@@ -216,11 +215,8 @@ std::optional<int64_t> JsonValue::integer() const
 {
     if (!exists() || node().kind != JsonTree::Kind::Scalar)
         return std::nullopt;
-    const std::string_view digits = text();
-    const char *last = digits.data() + digits.size();
-    int64_t value = 0;
-    if (const auto read = std::from_chars(digits.data(), last, value); read.ec == std::errc() && read.ptr == last)
-        return value;
+    if (const auto whole = parseNumber<int64_t>(text()))
+        return whole;
     // 2.0 and 2e3 are integers as well.
     const auto real = number();
     if (!real || *real != std::floor(*real) || std::abs(*real) > 9e15)
