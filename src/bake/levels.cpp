@@ -11,7 +11,6 @@
 
 namespace vellum
 {
-
 namespace
 {
 

@@ -30,7 +30,6 @@
 
 namespace vellum::cli
 {
-
 namespace
 {
 

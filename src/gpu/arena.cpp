@@ -8,7 +8,6 @@
 
 namespace vellum::gpu
 {
-
 namespace
 {
 

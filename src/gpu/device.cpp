@@ -12,7 +12,6 @@
 
 namespace vellum::gpu
 {
-
 namespace
 {
 

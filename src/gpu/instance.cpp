@@ -16,7 +16,6 @@
 
 namespace vellum::gpu
 {
-
 namespace
 {
 

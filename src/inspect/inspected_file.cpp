@@ -18,7 +18,6 @@
 
 namespace vellum::inspect
 {
-
 namespace
 {
 

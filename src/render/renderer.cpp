@@ -19,7 +19,6 @@
 
 namespace vellum::render
 {
-
 namespace
 {
 

@@ -7,7 +7,6 @@
 
 namespace vellum::render
 {
-
 namespace
 {
 

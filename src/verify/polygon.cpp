@@ -6,7 +6,6 @@
 
 namespace vellum::verify
 {
-
 namespace
 {
 

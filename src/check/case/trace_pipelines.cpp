@@ -107,7 +107,6 @@
 
 namespace vellum::check
 {
-
 namespace
 {
 

@@ -13,7 +13,6 @@
 
 namespace vellum::cli
 {
-
 namespace
 {
 

@@ -17,7 +17,6 @@
 
 namespace vellum::cli
 {
-
 namespace
 {
 

@@ -10,7 +10,6 @@
 
 namespace vellum
 {
-
 namespace
 {
 

@@ -15,7 +15,6 @@
 
 namespace vellum
 {
-
 namespace
 {
 

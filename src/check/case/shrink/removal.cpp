@@ -9,7 +9,6 @@
 
 namespace vellum::check
 {
-
 namespace
 {
 

@@ -8,7 +8,6 @@
 
 namespace vellum
 {
-
 namespace
 {
 

@@ -10,11 +10,10 @@
 
 namespace vellum
 {
-
 namespace
 {
 
-HANDLE readHandleOf(intptr_t file)
+HANDLE handleOf(intptr_t file)
 {
     return reinterpret_cast<HANDLE>(file);
 }
@@ -58,7 +57,7 @@ InputFile::InputFile(const std::filesystem::path &path) : path_(path)
 
 InputFile::~InputFile()
 {
-    CloseHandle(readHandleOf(file_));
+    CloseHandle(handleOf(file_));
 }
 
 size_t InputFile::read(std::span<uint8_t> bytes)
@@ -67,7 +66,7 @@ size_t InputFile::read(std::span<uint8_t> bytes)
     size_t done = 0;
     while (done < bytes.size()) {
         DWORD count = 0;
-        if (!ReadFile(readHandleOf(file_), bytes.data() + done,
+        if (!ReadFile(handleOf(file_), bytes.data() + done,
                       static_cast<DWORD>(std::min(bytes.size() - done, kAtOnce)), &count, nullptr))
             throw GltfError("cannot be read");
         if (count == 0)
@@ -79,7 +78,7 @@ size_t InputFile::read(std::span<uint8_t> bytes)
 
 std::filesystem::path InputFile::realPath() const
 {
-    return finalPath(readHandleOf(file_), path_);
+    return finalPath(handleOf(file_), path_);
 }
 
 std::filesystem::path realFolder(const std::filesystem::path &folder)
@@ -108,11 +107,6 @@ namespace
         throw GltfStorageError(message, error == ERROR_WRITE_PROTECT ? GltfStorageError::Cause::ReadOnly
                                                                      : GltfStorageError::Cause::Full);
     throw GltfError(message);
-}
-
-HANDLE handleOf(intptr_t file)
-{
-    return reinterpret_cast<HANDLE>(file);
 }
 
 // Sets whether the file goes away when it is closed, which the system also does for a process that ends.
