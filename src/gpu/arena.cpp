@@ -6,6 +6,8 @@
 #include <cstring>
 #include <utility>
 
+#include "core/align.h"
+
 namespace vellum::gpu
 {
 namespace
@@ -14,11 +16,6 @@ namespace
 constexpr VkDeviceSize kGuard = 256;          // of a piece in a buffer of its own
 constexpr VkDeviceSize kBlockBytes = 2 << 20; // of the first buffer; the next ones are larger
 constexpr VkBufferUsageFlags kScratch = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
-
-VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment)
-{
-    return (value + alignment - 1) / alignment * alignment;
-}
 
 } // namespace
 

@@ -473,7 +473,8 @@ CaseResult caseOf(const rapidjson::Value &object, const std::filesystem::path &f
     if (!id || !verdict)
         throw Error("no case and result of this version: " + name);
     CaseResult result{.id = *id,
-                      .status = parseStatus(JsonReader::textOf(object, "status")),
+                      .status =
+                          parseStatus(JsonReader::textOf(object, "status")).value_or(check::Status::Crash), // "Missing"
                       .verdict = *verdict,
                       .seconds = numberOf(object, "seconds"),
                       .rays = static_cast<uint64_t>(numberOf(object, "rays"))};
