@@ -4,34 +4,8 @@
 #include <algorithm>
 #include <bit>
 
-#include "gltf/micromaps/extension_reader.h"
-
 namespace vellum
 {
-
-std::optional<std::string> lossOfMicromaps(const Document &document)
-{
-    return document.named([&] { return ExtensionReader(document, 1).loss(); });
-}
-
-CheckedMicromaps checkMicromaps(const Document &document, size_t most)
-{
-    return document.named([&] {
-        ExtensionReader reader(document, most);
-        StoredMicromaps stored = reader.read();
-        return CheckedMicromaps{std::move(stored), reader.takeFindings()};
-    });
-}
-
-StoredMicromaps readMicromaps(const Document &document)
-{
-    return document.named([&] {
-        CheckedMicromaps checked = checkMicromaps(document, 1);
-        for (const MicromapFinding &finding : checked.findings)
-            throw GltfError(finding.place + ": " + finding.message);
-        return std::move(checked.stored);
-    });
-}
 
 bool hasMicromapExtension(const JsonValue &extensions)
 {
