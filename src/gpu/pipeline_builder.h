@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "gpu/launch_plan.h"
+#include "gpu/launch.h"
 
 namespace vellum::gpu
 {
