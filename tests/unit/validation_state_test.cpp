@@ -598,8 +598,8 @@ TEST_F(ValidationState, RangeInABufferThatIsDestroyed)
     const auto buffer = handle<VkBuffer>(0x10000);
     device.buffers.addresses.add(0x10000, buffer, 4096, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
     const Place place("vkCmdCopyMemoryKHR");
-    RangeCheck(device, VK_NULL_HANDLE)
-        .check(place, VkDeviceAddressRangeKHR{0x10000, 64}, 0, flag_rules::kCopySource,
+    RangeCheck(device, VK_NULL_HANDLE, place.command())
+        .check(place, VkDeviceAddressRangeKHR{0x10000, 64}, 0, flagged::kCopySource,
                {.usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT, .usageId = "VUID-of-the-usage"});
     EXPECT_EQ(reported["VELLUM-VUID-of-the-usage"], 0);
 }

@@ -4,7 +4,6 @@
 
 #include "layer/base/pnext.h"
 #include "layer/validation/commands.h"
-#include "layer/validation/ranges/ranges.h"
 
 namespace vellum::layer
 {
