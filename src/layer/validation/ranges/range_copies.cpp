@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Copies, fills, updates, query results and markers.
 #include <algorithm>
+#include <array>
 #include <bit>
+#include <utility>
 
 #include "layer/validation/ranges/ranges.h"
 #include "layer/validation/rules/rule_check.h"
@@ -25,26 +27,34 @@ struct Part {
     MemoryRange at;
     uint32_t region;
     const char *member;
+    bool isReported = false; // a source: that it overlaps another range
+    [[nodiscard]] bool isSource() const { return member[0] == 's'; }
 };
 
-// For each source, reports the first range of the command that it overlaps.
+// By its letter, the rule is broken by every copy: no source may overlap "the srcRange or dstRange of any element". As
+// Khronos' layer and conformance tests, this takes it for other ranges, of which two sources may not overlap either.
+// Each source is reported with one range.
 void checkOverlap(const RangeCheck &ranges, const Place &info, std::vector<Part> parts)
 {
     std::erase_if(parts, [](const Part &part) { return part.at.begin == part.at.end; });
     std::ranges::sort(parts, {}, [](const Part &part) { return std::tuple(part.at.memory, part.at.begin); });
-    for (size_t p = 0; p < parts.size(); ++p) {
-        const auto isSource = [](const Part &part) { return part.member[0] == 's'; };
-        for (size_t q = p + 1; q < parts.size() && parts[q].at.overlaps(parts[p].at); ++q) {
-            if (!isSource(parts[p]) && !isSource(parts[q]))
+    std::array<Part *, 2> furthest{}; // of the targets and of the sources before, what ends last
+    for (Part &part : parts) {
+        for (Part *other : furthest) {
+            if (!other || !other->at.overlaps(part.at) || !(part.isSource() || other->isSource()))
                 continue;
-            const Part &source = isSource(parts[p]) ? parts[p] : parts[q];
-            const Part &other = isSource(parts[p]) ? parts[q] : parts[p];
+            Part &source = part.isSource() ? part : *other;
+            if (std::exchange(source.isReported, true))
+                continue;
+            const Part &with = part.isSource() ? *other : part;
             const Place region = info.element("pRegions", source.region);
             ranges.fault(region.member(source.member), "VUID-VkCopyDeviceMemoryInfoKHR-srcRange-13015",
-                         "overlaps " + std::string(other.member) + " of pRegions[" + std::to_string(other.region) +
+                         "overlaps " + std::string(with.member) + " of pRegions[" + std::to_string(with.region) +
                              "] in memory");
-            break;
         }
+        Part *&own = furthest[part.isSource() ? 1 : 0];
+        if (!own || own->at.memory != part.at.memory || part.at.end > own->at.end)
+            own = &part;
     }
 }
 

@@ -30,6 +30,11 @@ bool meets(const TraceUse &use, uint32_t mask)
 {
     return use.cullMask ? (mask & *use.cullMask) != 0 : mask == 0xff;
 }
+// Returns whether they may.
+bool mayMeet(const TraceUse &use, uint32_t mask)
+{
+    return (mask & use.cullMask.value_or(0xff)) != 0;
+}
 
 std::optional<BrokenRules> brokenBy(const DeviceModel &device, const TraceUse &use)
 {
@@ -262,13 +267,14 @@ struct LostPart {
     size_t geometry = 0;
 };
 
-// The first instance whose structure, or a micromap of whose structure, is not valid when rays are traced.
+// The first instance that rays may meet and whose structure, or a micromap of whose structure, is not valid then.
 std::optional<LostPart> lostPart(const DeviceModel &device, const TraceUse &use, uint64_t built,
                                  std::span<const VkDeviceAddress> references)
 {
     const LostStructures &lost = device.objects.lost;
+    const std::span<const uint32_t> masks = use.contents->instances.masks();
     for (uint32_t i = 0; i < references.size(); ++i) {
-        if (references[i] == 0)
+        if (references[i] == 0 || !mayMeet(use, masks[i]))
             continue;
         const auto structure = device.objects.byReference.at(references[i]);
         if (!structure || structure->destroyed || lacksMemory(device, *structure)) {
@@ -315,9 +321,14 @@ void TracedStructures::use(DeviceModel &device, const TraceUse &use, bool isOrde
     if (!found.empty() && isOrdered)
         return reportLost(device, use, found);
     const uint64_t losses = 1 + device.objects.lost.count(); // 0: instances were not checked
-    if (!use.contents || !use.contents->instances.memory || structure.losses == losses)
+    const uint32_t cullMask = use.cullMask.value_or(0xff);
+    if (structure.losses != losses)
+        structure.checkedMask = 0;
+    const bool isChecked = structure.losses == losses && (cullMask & ~structure.checkedMask) == 0;
+    if (!use.contents || !use.contents->instances.memory || isChecked)
         return;
     structure.losses = losses;
+    structure.checkedMask |= cullMask;
     const std::lock_guard lock(mutex_);
     traced_.push_back({use, structure.built});
     any_ = true;
