@@ -497,56 +497,44 @@ void useSite(DeviceTraces &traces, const TracingSite &site, const StructureSet *
 
 constexpr uint32_t kGroupSize = 64;
 
-CapturedInstances captureInstances(DeviceModel &device, VkCommandBuffer commandBuffer,
-                                   const VkAccelerationStructureGeometryInstancesDataKHR &instances,
-                                   const VkAccelerationStructureBuildRangeInfoKHR &range)
+// Records a shader that reads what a build accesses, and writes what it finds to the memory in the end.
+template <typename Push>
+void capture(DeviceModel &device, VkCommandBuffer commandBuffer, InjectedShader shader, const Push &push)
 {
-    const uint32_t count = range.primitiveCount;
-    const VkDeviceAddress source = instances.data.deviceAddress + range.primitiveOffset;
-    const VkDeviceSize bytes = input::instanceStride(instances);
-    if (!bufferAt(device, source) || count > device.buffers.addresses.elementsFrom(source, bytes, bytes))
-        return {}; // outside of buffers, which other rules are about
+    InjectedWork work(device.commands, commandBuffer);
+    work.barrier();
+    work.dispatch(shader, push, push.count, kGroupSize);
+    work.barrier(true);
+}
+
+CapturedInstances captureInstances(DeviceModel &device, VkCommandBuffer commandBuffer, const input::Access &access,
+                                   const VkAccelerationStructureGeometryInstancesDataKHR &instances, uint32_t count)
+{
     auto memory = Capture::make(device.captureMemory, Capture::kCountWords + size_t{count} * CapturedInstances::kWords,
                                 Capture::kCountWords);
     if (!memory)
         return {};
-    if (count != 0) {
-        const shared::InstancesContentsPush push{.source = source,
-                                                 .target = memory->address(),
-                                                 .count = count,
-                                                 .pointers = instances.arrayOfPointers ? 1u : 0u};
-        InjectedWork work(device.commands, commandBuffer);
-        work.barrier();
-        work.dispatch(InjectedShader::InstancesContents, push, count, kGroupSize);
-        work.barrier(true);
-    }
+    capture(device, commandBuffer, InjectedShader::InstancesContents,
+            shared::InstancesContentsPush{.source = access.begin(),
+                                          .target = memory->address(),
+                                          .count = count,
+                                          .pointers = instances.arrayOfPointers ? 1u : 0u});
     return {count, std::move(memory)};
 }
 
-CapturedIndices captureIndices(DeviceModel &device, VkCommandBuffer commandBuffer, const input::Attachment &attachment,
-                               uint32_t count)
+CapturedIndices captureIndices(DeviceModel &device, VkCommandBuffer commandBuffer, const input::Access &access,
+                               const input::Attachment &attachment, uint32_t count)
 {
-    const uint32_t bytes = input::indexBytes(attachment.indexType);
-    const VkDeviceAddress source = attachment.indexBuffer.deviceAddress;
-    const auto buffer = bufferAt(device, source);
-    if (bytes == 0 || !attachment.micromap || !buffer || count == 0)
-        return {};
-    const VkDeviceSize rest = buffer->address + buffer->size - source;
-    if (VkDeviceSize{count - 1} * attachment.indexStride + bytes > rest)
-        return {}; // outside its buffer, which other rules are about
     auto memory = Capture::make(device.captureMemory, Capture::kCountWords, Capture::kCountWords);
     if (!memory)
         return {};
-    const shared::IndexKindsPush push{.source = source,
-                                      .target = memory->address(),
-                                      .stride = static_cast<uint32_t>(attachment.indexStride),
-                                      .count = count,
-                                      .bytes = bytes,
-                                      .unused = 0};
-    InjectedWork work(device.commands, commandBuffer);
-    work.barrier();
-    work.dispatch(InjectedShader::IndexKinds, push, count, kGroupSize);
-    work.barrier(true);
+    capture(device, commandBuffer, InjectedShader::IndexKinds,
+            shared::IndexKindsPush{.source = access.begin(),
+                                   .target = memory->address(),
+                                   .stride = static_cast<uint32_t>(attachment.indexStride),
+                                   .count = count,
+                                   .bytes = input::indexBytes(attachment.indexType),
+                                   .unused = 0});
     return {count, std::move(memory)};
 }
 
@@ -607,17 +595,22 @@ void captureContents(DeviceModel &device, VkCommandBuffer commandBuffer, const i
                      StructureContents &contents)
 {
     const CommandState *state = device.commands.states.get(commandBuffer);
-    const auto *ranges = build.ranges.direct;
     // In a command buffer that inherits conditional rendering, dispatches may be discarded.
-    if (!device.checks.gpu || !ranges || !state || state->inheritsConditionalRendering)
+    if (!device.checks.gpu || !state || state->inheritsConditionalRendering)
         return;
-    for (uint32_t g = 0; g < contents.geometries.size(); ++g) {
+    for (const input::Access &access : build.accesses) {
+        const uint32_t g = access.geometry;
+        // Other rules are about what is outside of buffers.
+        if (access.bytes == 0 || g >= contents.geometries.size() ||
+            !device.buffers.addresses.covering(access.begin(), access.bytes, 0).buffer)
+            continue;
         const input::Geometry &geometry = build.geometries[g];
-        if (geometry.isInstances() && !build.hasMotion()) // as in the check of instances
-            contents.instances = captureInstances(device, commandBuffer, geometry.given->geometry.instances, ranges[g]);
-        else if (geometry.attachment)
-            contents.geometries[g].indices =
-                captureIndices(device, commandBuffer, *geometry.attachment, ranges[g].primitiveCount);
+        const uint32_t count = build.ranges.primitives(g);
+        if (access.of == input::Access::Of::Instances && !build.hasMotion()) // as in the check of instances
+            contents.instances =
+                captureInstances(device, commandBuffer, access, geometry.given->geometry.instances, count);
+        else if (access.of == input::Access::Of::MicromapIndices && geometry.attachment->micromap)
+            contents.geometries[g].indices = captureIndices(device, commandBuffer, access, *geometry.attachment, count);
     }
 }
 
