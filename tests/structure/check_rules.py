@@ -66,6 +66,10 @@ OF_RANGES = range(13000, 13130)
 RENUMBERED = re.compile(r"-(?:03677|07334|07403|0743[0124]|07439|0746[567]|07501|07513|0751[789]|0752[012346]|07534|07535|"
                         r"07538|07545|07551|0757[345])$|VkCopyMicromapInfoEXT-src-07532$")
 END_OF_ID = re.compile(r'"-?([A-Za-z]+-\d{5})"|"-(commandBuffer-\w+|renderpass|suspended)"')
+# The names of an address range with flags, and the numbers of the rules that each of them has: these two are named after
+# the flags, the others after the range.
+FLAGGED, NUMBER, OF_FLAGS = (re.compile(r'FlaggedRange \w+\{"(\w+)", "(\w+)", "(\w+)"\}'), re.compile(r'"(13\d{3})"'),
+                             ("13100", "13101"))
 # The registry has no such rules of mesh draws, only of other draws.
 OF_MESHES = re.compile(r"MeshTasksIndirect(?:Count)?2EXT-pInfo-1311[0-3]$")
 NAMED = re.compile(r"VUID-[A-Za-z0-9-]+[A-Za-z0-9]")
@@ -116,10 +120,13 @@ def code_of(folder):
 
 def in_code(folder):
     """Ids, and patterns where the code has only the end of an id."""
-    names = set()
+    names, numbers, flagged = set(), set(), []
     for _, code in code_of(folder):
         names |= {*NAMED.findall(code), *(f"VUID-*-{numbered or other}" for numbered, other in END_OF_ID.findall(code))}
-    return names
+        numbers.update(NUMBER.findall(code))
+        flagged += FLAGGED.findall(code)
+    return names | {f"VUID-{owner}-{flags if number in OF_FLAGS else of_range}-{number}"
+                    for owner, of_range, flags in flagged for number in numbers}
 
 
 def in_tests(root):

@@ -598,8 +598,8 @@ TEST_F(ValidationState, RangeInABufferThatIsDestroyed)
     const auto buffer = handle<VkBuffer>(0x10000);
     device.buffers.addresses.add(0x10000, buffer, 4096, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
     const Place place("vkCmdCopyMemoryKHR");
-    RangeCheck(device, VK_NULL_HANDLE)
-        .check(place, VkDeviceAddressRangeKHR{0x10000, 64}, 0, flag_rules::kCopySource,
+    RangeCheck(device, VK_NULL_HANDLE, place.command())
+        .check(place, VkDeviceAddressRangeKHR{0x10000, 64}, 0, flagged::kCopySource,
                {.usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT, .usageId = "VUID-of-the-usage"});
     EXPECT_EQ(reported["VELLUM-VUID-of-the-usage"], 0);
 }
@@ -771,6 +771,75 @@ TEST(UsageCounts, AreMerged)
     EXPECT_EQ(trianglesOf(merged, 2, 2), uint64_t{UINT32_MAX} + 5);
     EXPECT_EQ(trianglesOf(merged, 2, 1), 3u);
     EXPECT_EQ(trianglesOf(merged, 1, 1), 5u);
+}
+
+// Copies between ranges of a buffer.
+class CopyRanges : public ValidationState
+{
+protected:
+    static constexpr VkDeviceAddress kMemory = uint64_t{1} << 40;
+
+    CopyRanges()
+    {
+        device.checks.sync = false;
+        device.next.CmdCopyMemoryKHR = [](VkCommandBuffer, const VkCopyDeviceMemoryInfoKHR *) {};
+        addBuffer(kMemory, uint64_t{1} << 32);
+    }
+    // Adds a region of 16 bytes.
+    void add(VkDeviceSize from, VkDeviceSize to)
+    {
+        constexpr VkAddressCommandFlagsKHR kUsages = VK_ADDRESS_COMMAND_STORAGE_BUFFER_USAGE_BIT_KHR |
+                                                     VK_ADDRESS_COMMAND_TRANSFORM_FEEDBACK_BUFFER_USAGE_BIT_KHR;
+        VkDeviceMemoryCopyKHR region{VK_STRUCTURE_TYPE_DEVICE_MEMORY_COPY_KHR};
+        region.srcRange = {kMemory + from, 16};
+        region.dstRange = {kMemory + to, 16};
+        region.srcFlags = region.dstFlags = kUsages;
+        regions.push_back(region);
+    }
+    std::map<std::string, int> copy()
+    {
+        VkCopyDeviceMemoryInfoKHR info{VK_STRUCTURE_TYPE_COPY_DEVICE_MEMORY_INFO_KHR};
+        info.regionCount = static_cast<uint32_t>(regions.size());
+        info.pRegions = regions.data();
+        reported.clear();
+        validation::cmdCopyMemory(device, VK_NULL_HANDLE, &info);
+        regions.clear();
+        return reported;
+    }
+    static std::map<std::string, int> overlaps(int count)
+    {
+        return {{"VELLUM-VUID-VkCopyDeviceMemoryInfoKHR-srcRange-13015", count}};
+    }
+
+    std::vector<VkDeviceMemoryCopyKHR> regions;
+};
+
+// Each source is reported once.
+TEST_F(CopyRanges, ThatOverlap)
+{
+    const std::map<std::string, int> none;
+    add(0, 16);
+    add(32, 16); // two targets
+    EXPECT_EQ(copy(), none);
+    for (VkDeviceSize i = 0; i < 100; ++i)
+        add(i * 16, 160000 + i);
+    add(160050, 0);
+    EXPECT_EQ(copy(), overlaps(2));
+    for (VkDeviceSize i = 0; i < 100; ++i)
+        add(i * 15, 160000);
+    EXPECT_EQ(copy(), overlaps(99));
+    add(0, 4096);
+    add(64, 8); // inside of the first source, and behind it
+    add(4000, 72);
+    EXPECT_EQ(copy(), overlaps(2));
+}
+
+// A step for each pair would take minutes.
+TEST_F(CopyRanges, ManyWithOneTarget)
+{
+    for (VkDeviceSize i = 0; i < 300000; ++i)
+        add(16 + i * 16, 0);
+    EXPECT_EQ(copy(), (std::map<std::string, int>{}));
 }
 
 // Regions of an image whose rows are in memory.

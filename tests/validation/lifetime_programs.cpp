@@ -6,6 +6,8 @@
 
 #include "gpu/tracer.h"
 
+#include "shaders/tracer_mask_1.h"
+
 namespace vt
 {
 namespace
@@ -377,6 +379,27 @@ void tracesDestroyed(Gpu &gpu, bool wrong)
     if (!wrong)
         tlas.build(std::array{instance(kept, {}, 0), instance(kept, {2, 0, 0}, 0)});
     Tracer(gpu).trace(tlas, oneRay());
+}
+
+// Rays can meet the instance of a destroyed structure, unless their cull mask excludes it. `before`: rays that cannot
+// have been traced before.
+template <bool before>
+void tracesWithMask(Gpu &gpu, bool wrong)
+{
+    const Storage storage(gpu);
+    const Blas kept(gpu, {indexedTriangle()});
+    std::optional<Blas> blas;
+    blas.emplace(gpu);
+    blas->placeIn(storage.buffer(), 0);
+    blas->build({indexedTriangle()});
+    const uint32_t mask = wrong && !before ? 0x3 : 0xfe;
+    const Tlas tlas(gpu, {instance(kept, {}, 0), instance(*blas, {2, 0, 0}, 0, 0, mask)});
+    blas.reset();
+    std::vector<Ray> rays = oneRay();
+    rays[0].cullMask = 1;
+    Tracer(gpu, tracer_mask_1).trace(tlas, rays);
+    if (wrong && before)
+        Tracer(gpu).trace(tlas, oneRay());
 }
 
 // The structure in the descriptor is destroyed after the command was recorded.
@@ -753,6 +776,8 @@ const WrongProgram kPrograms[] = {
      "Destroyed", "", false, "ext"},
     {"trace-invalid-structure", Api::Ext, kNeedsNothing, tracesDestroyed<Lost::Structure>, "Structure"},
     {"trace-invalid-structure", Api::Khr, kNeedsNothing, tracesDestroyed<Lost::Buffer>, "Buffer"},
+    {"trace-invalid-structure", Api::Ext, kNeedsNothing, tracesWithMask<false>, "Mask"},
+    {"trace-invalid-structure", Api::Ext, kNeedsNothing, tracesWithMask<true>, "MaskBefore"},
     {"trace-invalid-structure", Api::Khr, kNeedsNothing, tracesInDestroyed, "TopLevel"},
     {"trace-invalid-structure", Api::Khr, kNeedsNothing, tracesOverwrittenMicromap, "Overwritten"},
     {"trace-invalid-structure", Api::Khr, kNeedsNothing, tracesInUnbuilt, "Unbuilt"},

@@ -110,16 +110,34 @@ StructureBuild parseStructure(const BuildInfo &info)
     return build;
 }
 
+// Adds the data of a geometry, of which the build reads something; `certain`: it does so for certain.
+void addData(std::vector<Access> &accesses, const VkAccelerationStructureGeometryKHR &given, uint32_t g, bool certain)
+{
+    const auto add = [&](Access::Of of, VkDeviceAddress address) {
+        accesses.push_back({of, address, 0, certain ? VkDeviceSize{1} : 0, g});
+    };
+    if (given.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR) {
+        const auto &triangles = given.geometry.triangles;
+        add(Access::Of::Vertices, triangles.vertexData.deviceAddress);
+        if (triangles.indexType != VK_INDEX_TYPE_NONE_KHR)
+            add(Access::Of::Indices, triangles.indexData.deviceAddress);
+        if (triangles.transformData.deviceAddress != 0)
+            add(Access::Of::Transform, triangles.transformData.deviceAddress);
+    } else if (given.geometryType == VK_GEOMETRY_TYPE_AABBS_KHR) {
+        add(Access::Of::Boxes, given.geometry.aabbs.data.deviceAddress);
+    }
+}
+
 // `ranges(i)`: the ranges of element i.
 template <typename Ranges>
-Builds parseBuilds(uint32_t count, const BuildInfo *infos, bool indirect, Ranges ranges)
+Builds parseBuilds(uint32_t count, const BuildInfo *infos, BuildCommand command, Ranges ranges)
 {
-    Builds builds;
+    Builds builds{.command = command, .micromaps = {}, .structures = {}};
     for (uint32_t i = 0; i < count; ++i) {
         if (infos[i].type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
             MicromapBuild &build = builds.micromaps.emplace_back(parseMicromap(infos[i]));
             build.element = i;
-            build.indirect = indirect;
+            build.indirect = command == BuildCommand::IndirectStructures;
             build.hasRanges = ranges(i).given();
         } else {
             StructureBuild &build = builds.structures.emplace_back(parseStructure(infos[i]));
@@ -175,7 +193,8 @@ bool StructureBuild::isTopLevel() const
 
 Builds parse(uint32_t count, const VkMicromapBuildInfoEXT *infos, bool host)
 {
-    Builds builds{.host = host, .micromaps = {}, .structures = {}};
+    Builds builds{
+        .command = host ? BuildCommand::HostMicromaps : BuildCommand::Micromaps, .micromaps = {}, .structures = {}};
     for (uint32_t i = 0; i < count; ++i) {
         MicromapBuild &build = builds.micromaps.emplace_back(parseMicromap(infos[i]));
         build.element = i;
@@ -186,16 +205,66 @@ Builds parse(uint32_t count, const VkMicromapBuildInfoEXT *infos, bool host)
 
 Builds parse(uint32_t count, const BuildInfo *infos, const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
 {
-    return parseBuilds(count, infos, false,
+    return parseBuilds(count, infos, BuildCommand::Structures,
                        [&](uint32_t i) { return BuildRanges{.direct = ranges ? ranges[i] : nullptr}; });
 }
 
 Builds parseIndirect(uint32_t count, const BuildInfo *infos, const VkDeviceAddress *addresses, const uint32_t *strides,
                      const uint32_t *const *most)
 {
-    return parseBuilds(count, infos, true, [&](uint32_t i) {
+    return parseBuilds(count, infos, BuildCommand::IndirectStructures, [&](uint32_t i) {
         return BuildRanges{nullptr, addresses ? addresses[i] : 0, strides ? strides[i] : 0, most ? most[i] : nullptr};
     });
+}
+
+const char *nameOf(BuildCommand command)
+{
+    switch (command) {
+    case BuildCommand::Micromaps: return "vkCmdBuildMicromapsEXT";
+    case BuildCommand::HostMicromaps: return "vkBuildMicromapsEXT";
+    case BuildCommand::Structures: return "vkCmdBuildAccelerationStructuresKHR";
+    case BuildCommand::IndirectStructures: break;
+    }
+    return "vkCmdBuildAccelerationStructuresIndirectKHR";
+}
+
+std::vector<Access> accessesOf(const MicromapBuild &build)
+{
+    const uint64_t triangles = build.usages.triangles();
+    if (build.host || triangles == 0)
+        return {};
+    const VkDeviceSize array = (triangles - 1) * build.triangleStride + sizeof(VkMicromapTriangleEXT);
+    // Offset 0 of the data is used.
+    std::vector<Access> accesses{{Access::Of::Data, build.data.deviceAddress, 0, 1, Access::kNone},
+                                 {Access::Of::TriangleArray, build.triangles.deviceAddress, 0, array, Access::kNone}};
+    if (build.needs.scratch > 0)
+        accesses.push_back({Access::Of::Scratch, build.scratch.deviceAddress, 0, build.needs.scratch, Access::kNone});
+    return accesses;
+}
+
+std::vector<Access> accessesOf(const StructureBuild &build)
+{
+    std::vector<Access> accesses;
+    for (uint32_t g = 0; g < build.geometries.size(); ++g) {
+        const Geometry &geometry = build.geometries[g];
+        const VkDeviceSize count = build.ranges.primitives(g);
+        if (!geometry.given || count == 0)
+            continue;
+        const auto *range = build.ranges.direct ? &build.ranges.direct[g] : nullptr;
+        addData(accesses, *geometry.given, g, range != nullptr);
+        if (geometry.isInstances()) {
+            const auto &instances = geometry.given->geometry.instances;
+            accesses.push_back({Access::Of::Instances, instances.data.deviceAddress, range ? range->primitiveOffset : 0,
+                                range ? count * instanceStride(instances) : 0, g});
+        }
+        if (geometry.attachment && geometry.attachment->indexType != VK_INDEX_TYPE_NONE_KHR) {
+            const Attachment &attachment = *geometry.attachment;
+            const VkDeviceSize index = indexBytes(attachment.indexType);
+            accesses.push_back({Access::Of::MicromapIndices, attachment.indexBuffer.deviceAddress, 0,
+                                range && index != 0 ? (count - 1) * attachment.indexStride + index : 0, g});
+        }
+    }
+    return accesses;
 }
 
 } // namespace vellum::layer::input

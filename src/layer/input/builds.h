@@ -49,6 +49,34 @@ private:
     const VkMicromapUsageEXT *const *pointers_ = nullptr;
 };
 
+// The commands that build.
+enum class BuildCommand : uint8_t { Micromaps, HostMicromaps, Structures, IndirectStructures };
+const char *nameOf(BuildCommand command);
+
+// Memory that a build on the device accesses by address: its input, and its scratch memory.
+struct Access {
+    enum class Of : uint8_t {
+        Data,
+        TriangleArray,
+        Vertices,
+        Indices,
+        Transform,
+        Boxes,
+        Instances,
+        MicromapIndices,
+        Scratch,
+    };
+    Of of;
+    VkDeviceAddress address; // as the build states it
+    // What is certainly accessed, from the address on. Where in the data of a micromap and of triangles and boxes a
+    // build reads is not looked up: these have one byte. Indirect builds may have no primitives: 0 bytes.
+    VkDeviceSize offset, bytes;
+    uint32_t geometry; // kNone: none
+    static constexpr uint32_t kNone = UINT32_MAX;
+
+    [[nodiscard]] VkDeviceAddress begin() const { return address + offset; }
+};
+
 // Bytes that a build of a micromap needs.
 struct BuildNeeds {
     VkDeviceSize micromap = 0; // sizes as queries report them
@@ -88,7 +116,8 @@ struct MicromapBuild {
 
     // Set by the check of the rules.
     BuildNeeds needs;
-    bool accepted = true; // the layer's implementation records it
+    bool accepted = true;         // the layer's implementation records it
+    std::vector<Access> accesses; // set by validation
 };
 
 // The micromap that a geometry of triangles attaches by the structure of either extension.
@@ -133,7 +162,8 @@ struct StructureBuild {
     const VkAccelerationStructureBuildGeometryInfoKHR *given = nullptr;
     std::vector<Geometry> geometries;
     BuildRanges ranges;
-    bool accepted = true; // the layer's implementation records it
+    bool accepted = true;         // the layer's implementation records it
+    std::vector<Access> accesses; // set by validation
 
     [[nodiscard]] bool isUpdate() const { return given->mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR; }
     // Instances have the layouts of VK_NV_ray_tracing_motion_blur.
@@ -144,7 +174,7 @@ struct StructureBuild {
 
 // The builds of a command, each kind in the order of pInfos.
 struct Builds {
-    bool host = false; // vkBuildMicromapsEXT
+    BuildCommand command = BuildCommand::Structures;
     std::vector<MicromapBuild> micromaps;
     std::vector<StructureBuild> structures;
 };
@@ -155,6 +185,10 @@ Builds parse(uint32_t count, const VkAccelerationStructureBuildGeometryInfoKHR *
              const VkAccelerationStructureBuildRangeInfoKHR *const *ranges);
 Builds parseIndirect(uint32_t count, const VkAccelerationStructureBuildGeometryInfoKHR *infos,
                      const VkDeviceAddress *addresses, const uint32_t *strides, const uint32_t *const *most);
+
+// In the order of geometries. Scratch memory of structures is not among them: only a query finds how much they need.
+std::vector<Access> accessesOf(const MicromapBuild &build);
+std::vector<Access> accessesOf(const StructureBuild &build);
 
 // Bytes of an index; 0 without indices and for unknown types.
 constexpr uint32_t indexBytes(VkIndexType type)

@@ -996,7 +996,8 @@ std::string tooFewBytes(VkDeviceSize available, VkDeviceSize needed)
 
 void checkBuilds(const RuleDevice &device, const Place &command, input::Builds &builds, const Facts &facts)
 {
-    const bool allowed = !builds.host || InputCheck(device, command).check<RuleDevice>(kHostBuilds, device).accepted;
+    const bool allowed = builds.command != input::BuildCommand::HostMicromaps ||
+                         InputCheck(device, command).check<RuleDevice>(kHostBuilds, device).accepted;
     std::unordered_set<uint64_t> built;
     for (input::MicromapBuild &build : builds.micromaps) {
         const Place place = command.element("pInfos", build.element);

@@ -65,10 +65,9 @@ void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,
 }
 
 // Records the checks on the device and the effects of a command that builds.
-void recordBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command, SiteCommand site,
-                  const input::Builds &builds)
+void recordBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, const input::Builds &builds)
 {
-    GpuBuildChecks checks(device.gpu, commandBuffer, site);
+    GpuBuildChecks checks(device.gpu, commandBuffer, builds.command);
     for (const input::MicromapBuild &build : builds.micromaps) {
         if (build.khr && !build.hasData)
             continue;
@@ -84,7 +83,7 @@ void recordBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, const
         construct(device, commandBuffer, target, contents);
     }
     checks.record();
-    sync::recordBuilds(device.sync, commandBuffer, command, builds);
+    sync::recordBuilds(device.sync, commandBuffer, builds);
 }
 
 } // namespace
@@ -112,7 +111,6 @@ void getMicromapBuildSizes(DeviceValidation &device, VkDevice handle, VkAccelera
     rules::checkSizes(device.rules, command, query);
     const input::Checked checked(info, query);
     device.next.GetMicromapBuildSizesEXT(handle, type, info, sizes);
-    device.sync.scratch.reported(type, *sizes);
 }
 
 void getAccelerationStructureBuildSizes(DeviceValidation &device, VkDevice handle,
@@ -126,15 +124,14 @@ void getAccelerationStructureBuildSizes(DeviceValidation &device, VkDevice handl
     rules::checkSizes(device.rules, command, query);
     const input::Checked checked(info, query);
     device.next.GetAccelerationStructureBuildSizesKHR(handle, type, info, most, sizes);
-    device.sync.scratch.reported(type, info->type, *sizes);
 }
 
 void cmdBuildMicromaps(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
                        const VkMicromapBuildInfoEXT *infos)
 {
     input::Builds builds = input::parse(count, infos);
-    checkBuilds(device, commandBuffer, BuildCommand::Micromaps, builds);
-    recordBuilds(device, commandBuffer, "vkCmdBuildMicromapsEXT", SiteCommand::BuildMicromaps, builds);
+    checkBuilds(device, commandBuffer, builds);
+    recordBuilds(device, commandBuffer, builds);
     const input::Checked checked(infos, builds);
     device.next.CmdBuildMicromapsEXT(commandBuffer, count, infos);
 }
@@ -144,8 +141,8 @@ void cmdBuildAccelerationStructures(DeviceValidation &device, VkCommandBuffer co
                                     const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
 {
     input::Builds builds = input::parse(count, infos, ranges);
-    checkBuilds(device, commandBuffer, BuildCommand::Structures, builds);
-    recordBuilds(device, commandBuffer, "vkCmdBuildAccelerationStructuresKHR", SiteCommand::BuildStructures, builds);
+    checkBuilds(device, commandBuffer, builds);
+    recordBuilds(device, commandBuffer, builds);
     const input::Checked checked(infos, builds);
     device.next.CmdBuildAccelerationStructuresKHR(commandBuffer, count, infos, ranges);
 }
@@ -156,9 +153,8 @@ void cmdBuildAccelerationStructuresIndirect(DeviceValidation &device, VkCommandB
                                             const uint32_t *const *most)
 {
     input::Builds builds = input::parseIndirect(count, infos, addresses, strides, most);
-    checkBuilds(device, commandBuffer, BuildCommand::IndirectStructures, builds);
-    recordBuilds(device, commandBuffer, "vkCmdBuildAccelerationStructuresIndirectKHR",
-                 SiteCommand::BuildStructuresIndirect, builds);
+    checkBuilds(device, commandBuffer, builds);
+    recordBuilds(device, commandBuffer, builds);
     const input::Checked checked(infos, builds);
     device.next.CmdBuildAccelerationStructuresIndirectKHR(commandBuffer, count, infos, addresses, strides, most);
 }

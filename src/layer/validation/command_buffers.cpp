@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Command pools and command buffers, what they bind, and what they order: barriers, events and render passes.
 #include "layer/validation/commands.h"
-#include "layer/validation/ranges/ranges.h"
 
 namespace vellum::layer::validation
 {
@@ -112,17 +111,6 @@ void cmdBindShaders(DeviceValidation &device, VkCommandBuffer commandBuffer, uin
     layer::cmdBindShaders(device.commands, commandBuffer, count, stages, shaders);
 }
 
-void cmdPushConstants(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineLayout layout,
-                      VkShaderStageFlags stages, uint32_t offset, uint32_t size, const void *values)
-{
-    layer::cmdPushConstants(device.commands, commandBuffer, layout, stages, offset, size, values);
-}
-
-void cmdPushConstants2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkPushConstantsInfoKHR *info)
-{
-    layer::cmdPushConstants2(device.commands, commandBuffer, info);
-}
-
 void cmdExecuteCommands(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
                         const VkCommandBuffer *buffers)
 {
@@ -139,17 +127,6 @@ void cmdExecuteCommands(DeviceValidation &device, VkCommandBuffer commandBuffer,
     if (const auto log = device.logs.get(commandBuffer))
         log->isSuspended = false; // they may have resumed the render pass instance
     layer::cmdExecuteCommands(device.commands, commandBuffer, count, buffers);
-}
-
-void cmdBeginConditionalRendering(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                                  const VkConditionalRenderingBeginInfoEXT *info)
-{
-    layer::cmdBeginConditionalRendering(device.commands, commandBuffer, info);
-}
-
-void cmdEndConditionalRendering(DeviceValidation &device, VkCommandBuffer commandBuffer)
-{
-    layer::cmdEndConditionalRendering(device.commands, commandBuffer);
 }
 
 void cmdPipelineBarrier(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineStageFlags from,
@@ -240,9 +217,8 @@ void cmdWaitEvents(DeviceValidation &device, VkCommandBuffer commandBuffer, uint
 
 void cmdPipelineBarrier2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDependencyInfo *info)
 {
-    const Place command("vkCmdPipelineBarrier2");
-    const CheckedRanges checked(device, commandBuffer, [&] {
-        return ranges::checkDependency(device, command.member("pDependencyInfo"), *info, commandBuffer);
+    const CheckedRanges checked(device, commandBuffer, "vkCmdPipelineBarrier2", [&](const RangeCheck &ranges) {
+        ranges::checkDependency(ranges, ranges.command().member("pDependencyInfo"), *info);
     });
     sync::recordBarriers(device.sync, commandBuffer, *info);
     device.next.CmdPipelineBarrier2(commandBuffer, info);
@@ -250,9 +226,8 @@ void cmdPipelineBarrier2(DeviceValidation &device, VkCommandBuffer commandBuffer
 
 void cmdSetEvent2(DeviceValidation &device, VkCommandBuffer commandBuffer, VkEvent event, const VkDependencyInfo *info)
 {
-    const Place command("vkCmdSetEvent2");
-    const CheckedRanges checked(device, commandBuffer, [&] {
-        return ranges::checkDependency(device, command.member("pDependencyInfo"), *info, commandBuffer);
+    const CheckedRanges checked(device, commandBuffer, "vkCmdSetEvent2", [&](const RangeCheck &ranges) {
+        ranges::checkDependency(ranges, ranges.command().member("pDependencyInfo"), *info);
     });
     sync::recordSet(device.sync, commandBuffer, event);
     device.next.CmdSetEvent2(commandBuffer, event, info);
@@ -261,13 +236,9 @@ void cmdSetEvent2(DeviceValidation &device, VkCommandBuffer commandBuffer, VkEve
 void cmdWaitEvents2(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count, const VkEvent *events,
                     const VkDependencyInfo *infos)
 {
-    const Place command("vkCmdWaitEvents2");
-    const CheckedRanges checked(device, commandBuffer, [&] {
-        bool kept = true;
+    const CheckedRanges checked(device, commandBuffer, "vkCmdWaitEvents2", [&](const RangeCheck &ranges) {
         for (uint32_t i = 0; i < count; ++i)
-            kept = ranges::checkDependency(device, command.element("pDependencyInfos", i), infos[i], commandBuffer) &&
-                   kept;
-        return kept;
+            ranges::checkDependency(ranges, ranges.command().element("pDependencyInfos", i), infos[i]);
     });
     sync::recordWait(device.sync, commandBuffer, count, events, infos);
     device.next.CmdWaitEvents2(commandBuffer, count, events, infos);

@@ -4,14 +4,10 @@
 #pragma once
 
 #include "layer/validation/device_validation.h"
+#include "layer/validation/ranges/ranges.h"
 
 namespace vellum::layer
 {
-
-struct TracingCommand {
-    const char *name;
-    VkPipelineBindPoint point;
-};
 
 // The function that validates a command: it gets the validation of the device before Vulkan's arguments.
 template <typename Command>
@@ -21,15 +17,40 @@ struct ValidatorOf<Result(VKAPI_PTR *)(Arguments...)> {
     using Type = Result(DeviceValidation &, Arguments...);
 };
 
+// A command of which validation checks the address ranges, what rays meet in the shaders that it runs, or both.
+struct CheckedCommand {
+    const char *name;
+    VkPipelineBindPoint point = VK_PIPELINE_BIND_POINT_MAX_ENUM; // that of the shaders; none: it runs no shaders
+};
 template <auto next>
-struct Traced;
+struct PassedOn;
 template <typename... Arguments, void (VKAPI_PTR *DeviceTable::*next)(VkCommandBuffer, Arguments...)>
-struct Traced<next> {
-    template <const TracingCommand &command>
+struct PassedOn<next> {
+    // `check`: of the ranges; null: it takes none.
+    template <const CheckedCommand &command, auto check>
     static void call(DeviceValidation &device, VkCommandBuffer commandBuffer, Arguments... arguments)
     {
-        runTracing(device.traces, commandBuffer, command.point, command.name);
-        (device.next.*next)(commandBuffer, arguments...);
+        const auto passOn = [&] {
+            runTracing(device.traces, commandBuffer, command.point, command.name);
+            (device.next.*next)(commandBuffer, arguments...);
+        };
+        if constexpr (check == nullptr) {
+            passOn();
+        } else {
+            const CheckedRanges checked(device, commandBuffer, command.name,
+                                        [&](const RangeCheck &ranges) { check(ranges, arguments...); });
+            passOn();
+        }
+    }
+};
+
+template <auto function>
+struct Forwarded;
+template <typename... Arguments, void (*function)(DeviceCommandBuffers &, VkCommandBuffer, Arguments...)>
+struct Forwarded<function> {
+    static void call(DeviceValidation &device, VkCommandBuffer commandBuffer, Arguments... arguments)
+    {
+        function(device.commands, commandBuffer, arguments...);
     }
 };
 
@@ -38,17 +59,27 @@ namespace validation
 
 #define VELLUM_VALIDATOR(command, function, ...) ValidatorOf<PFN_vk##command>::Type function;
 #define VELLUM_DEVICE(command, scope, implementation, ...) __VA_OPT__(VELLUM_VALIDATOR(command, __VA_ARGS__))
-// Commands that run shaders
+#define VELLUM_STATE(command, scope, implementation, function)                                                         \
+    inline constexpr auto function = &Forwarded<layer::implementation>::call;
+#define VELLUM_PASSED_ON(bindPoint, check, command, function)                                                          \
+    inline constexpr CheckedCommand k##command{"vk" #command, VK_PIPELINE_BIND_POINT_##bindPoint};                     \
+    inline constexpr auto function = &PassedOn<&DeviceTable::command>::call<k##command, check>;
 #define VELLUM_TRACED(bindPoint, command, scope, implementation, function)                                             \
-    inline constexpr TracingCommand k##command{"vk" #command, VK_PIPELINE_BIND_POINT_##bindPoint};                     \
-    inline constexpr auto function = &Traced<&DeviceTable::command>::call<k##command>;
+    VELLUM_PASSED_ON(bindPoint, nullptr, command, function)
 #define VELLUM_DRAW(...) VELLUM_TRACED(GRAPHICS, __VA_ARGS__)
 #define VELLUM_DISPATCH(...) VELLUM_TRACED(COMPUTE, __VA_ARGS__)
 #define VELLUM_TRACE(...) VELLUM_TRACED(RAY_TRACING_KHR, __VA_ARGS__)
 #define VELLUM_SUBPASS_SHADING(...) VELLUM_TRACED(SUBPASS_SHADING_HUAWEI, __VA_ARGS__)
+#define VELLUM_RANGED(bindPoint, command, scope, implementation, function, ...)                                        \
+    VELLUM_PASSED_ON(bindPoint, ranges::function, command, function)
+#define VELLUM_RANGES(...) VELLUM_RANGED(MAX_ENUM, __VA_ARGS__)
+#define VELLUM_RANGES_DRAW(...) VELLUM_RANGED(GRAPHICS, __VA_ARGS__)
+#define VELLUM_RANGES_DISPATCH(...) VELLUM_RANGED(COMPUTE, __VA_ARGS__)
 #include "layer/base/commands.inc"
 #undef VELLUM_VALIDATOR
+#undef VELLUM_PASSED_ON
 #undef VELLUM_TRACED
+#undef VELLUM_RANGED
 
 } // namespace validation
 } // namespace vellum::layer

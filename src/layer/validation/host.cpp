@@ -75,7 +75,7 @@ VkResult buildMicromaps(DeviceValidation &device, VkDevice handle, VkDeferredOpe
                         const VkMicromapBuildInfoEXT *infos)
 {
     input::Builds builds = input::parse(count, infos, true);
-    checkBuilds(device, VK_NULL_HANDLE, BuildCommand::HostMicromaps, builds);
+    checkBuilds(device, VK_NULL_HANDLE, builds);
     for (const input::MicromapBuild &build : builds.micromaps)
         checkHostBuild(device.gpu, build);
     const input::Builds kept = builds;

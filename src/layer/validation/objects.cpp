@@ -3,7 +3,6 @@
 #include "layer/base/pnext.h"
 #include "layer/input/checked.h"
 #include "layer/validation/commands.h"
-#include "layer/validation/ranges/ranges.h"
 #include "layer/validation/rules/creation_rules.h"
 #include "layer/validation/rules/implicit_rules.h"
 
@@ -261,10 +260,9 @@ VkResult createAccelerationStructure2(DeviceValidation &device, VkDevice handle,
                                       const VkAccelerationStructureCreateInfo2KHR *info,
                                       const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
-    const Place command("vkCreateAccelerationStructure2KHR");
     input::Creation creation = checkCreation(device, *info);
     if (device.checks.core)
-        ranges::checkCreation(device, command, *info);
+        ranges::checkCreation(device, *info);
     const input::Checked checked(info, creation);
     const VkResult created = device.next.CreateAccelerationStructure2KHR(handle, info, allocator, result);
     if (created != VK_SUCCESS)

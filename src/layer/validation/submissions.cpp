@@ -4,7 +4,6 @@
 
 #include "layer/base/pnext.h"
 #include "layer/validation/commands.h"
-#include "layer/validation/ranges/ranges.h"
 
 namespace vellum::layer
 {
@@ -57,35 +56,44 @@ bool succeeded(DeviceValidation &device, VkResult result)
     return result == VK_SUCCESS;
 }
 
-using SharedSteps = std::shared_ptr<const CommandLog::Steps>;
+// A batch of a submission.
+struct Batch {
+    const char *invalidId; // Submission::invalidId
+    sync::BatchSemaphores semaphores;
+    std::vector<std::shared_ptr<const CommandLog::Steps>> commandBuffers{};
 
-// Null for a command buffer that the application did not allocate.
-SharedSteps stepsOf(const DeviceValidation &device, VkCommandBuffer commandBuffer)
+    // Nothing is known of a command buffer that the application did not allocate.
+    void add(const DeviceValidation &device, VkCommandBuffer commandBuffer)
+    {
+        if (const CommandLog *log = device.logs.get(commandBuffer))
+            commandBuffers.push_back(log->steps);
+    }
+    void run(const Submission &submission, const std::vector<CommandLog::Step> CommandLog::Steps::*which) const
+    {
+        for (const auto &steps : commandBuffers)
+            steps->run(submission, which);
+    }
+};
+
+Batch batchOf(const DeviceValidation &device, const VkSubmitInfo &info)
 {
-    const CommandLog *log = device.logs.get(commandBuffer);
-    return log ? log->steps : nullptr;
+    Batch batch{"VUID-vkQueueSubmit-pCommandBuffers-00070", sync::semaphoresOf(device.sync, info)};
+    for (uint32_t c = 0; c < info.commandBufferCount; ++c)
+        batch.add(device, info.pCommandBuffers[c]);
+    return batch;
 }
 
-const char *invalidIdOf(const VkSubmitInfo &)
+Batch batchOf(const DeviceValidation &device, const VkSubmitInfo2 &info)
 {
-    return "VUID-vkQueueSubmit-pCommandBuffers-00070";
-}
-const char *invalidIdOf(const VkSubmitInfo2 &)
-{
-    return "VUID-vkQueueSubmit2-commandBuffer-03874";
-}
-const char *invalidIdOf(const VkBindSparseInfo &) // it has no command buffers
-{
-    return nullptr;
+    Batch batch{"VUID-vkQueueSubmit2-commandBuffer-03874", sync::semaphoresOf(device.sync, info)};
+    for (uint32_t c = 0; c < info.commandBufferInfoCount; ++c)
+        batch.add(device, info.pCommandBufferInfos[c].commandBuffer);
+    return batch;
 }
 
-template <typename Submit>
-void checkBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, std::span<const SharedSteps> steps)
+Batch batchOf(const DeviceValidation &device, const VkBindSparseInfo &info) // it has no command buffers
 {
-    const Submission submission{queue, device.objects.queueFamilies.get(queue), invalidIdOf(batch)};
-    for (const SharedSteps &commandBuffer : steps)
-        if (commandBuffer)
-            commandBuffer->run(submission, &CommandLog::Steps::checks);
+    return {nullptr, sync::semaphoresOf(device.sync, info)};
 }
 
 // Returns whether all that the batches of a queue wait for was submitted before. `uses`: what a further one waits for.
@@ -99,22 +107,15 @@ bool isOrdered(DeviceValidation &device, VkQueue queue, std::span<const sync::Se
     return waits.empty();
 }
 
-// `steps`: of the command buffers. `ordered`: the order of the submission among others is known.
-template <typename Batch>
-void executeBatch(DeviceValidation &device, VkQueue queue, const Batch &batch, bool ordered,
-                  std::span<const SharedSteps> steps)
+// `ordered`: the order of the submission among others is known.
+void executeBatch(DeviceValidation &device, VkQueue queue, const Batch &batch, bool ordered)
 {
-    const std::vector<sync::SemaphoreUse> waits = sync::waitsOf(device.sync, batch);
-    const std::vector<sync::SemaphoreUse> signals = sync::signalsOf(device.sync, batch);
+    const auto &[waits, signals] = batch.semaphores;
     const bool waited = isOrdered(device, queue, waits);
     const uint64_t number = sync::beginBatch(device.sync, queue, waits, ordered);
-    const Submission submission{queue, device.objects.queueFamilies.get(queue), invalidIdOf(batch), number,
+    const Submission submission{queue, device.objects.queueFamilies.get(queue), batch.invalidId, number,
                                 ordered && waited};
-    const bool known = remember(device.objects, [&] {
-        for (const SharedSteps &commandBuffer : steps)
-            if (commandBuffer)
-                commandBuffer->run(submission, &CommandLog::Steps::effects);
-    });
+    const bool known = remember(device.objects, [&] { batch.run(submission, &CommandLog::Steps::effects); });
     sync::endBatch(device.sync, queue, signals, ordered && known);
     // What waits for a batch that is executed later is executed later, too.
     for (const sync::SemaphoreUse &use : signals)
@@ -122,21 +123,19 @@ void executeBatch(DeviceValidation &device, VkQueue queue, const Batch &batch, b
             device.logs.signals[use.semaphore] = *use.value;
 }
 
-// Submits batches by `next()`. Nothing of them was executed if that fails. `stepsOfBatch`: those of its command
-// buffers.
-template <typename Submit, typename Next, typename StepsOfBatch>
-VkResult submit(DeviceValidation &device, VkQueue queue, std::span<const Submit> batches, VkFence fence, Next next,
-                StepsOfBatch stepsOfBatch)
+// Submits batches by `next()`. Nothing of them was executed if that fails.
+template <typename Info, typename Next>
+VkResult submit(DeviceValidation &device, VkQueue queue, std::span<const Info> infos, VkFence fence, Next next)
 {
     reportFindings(device, false);
-    std::vector<std::vector<SharedSteps>> steps;
-    for (const Submit &batch : batches)
-        steps.push_back(stepsOfBatch(batch));
+    std::vector<Batch> batches;
+    for (const Info &info : infos)
+        batches.push_back(batchOf(device, info));
     {
         const HeldMessages held;
         const std::lock_guard lock(device.logs.submissions);
-        for (size_t i = 0; i < batches.size(); ++i)
-            checkBatch(device, queue, batches[i], steps[i]);
+        for (const Batch &batch : batches)
+            batch.run({queue, device.objects.queueFamilies.get(queue), batch.invalidId}, &CommandLog::Steps::checks);
     }
     const HeldMessages held;
     SubmissionTurn turn(device.logs);
@@ -145,8 +144,8 @@ VkResult submit(DeviceValidation &device, VkQueue queue, std::span<const Submit>
     if (!succeeded(device, result))
         return result;
     remember(device.objects, [&] {
-        for (size_t i = 0; i < batches.size(); ++i)
-            executeBatch(device, queue, batches[i], ordered, steps[i]);
+        for (const Batch &batch : batches)
+            executeBatch(device, queue, batch, ordered);
         sync::signalFence(device.sync, queue, fence, ordered);
     });
     return result;
@@ -172,15 +171,8 @@ void allIdle(DeviceValidation &device)
 VkResult queueSubmit(DeviceValidation &device, VkQueue queue, uint32_t count, const VkSubmitInfo *submits,
                      VkFence fence)
 {
-    return submit(
-        device, queue, std::span(submits, count), fence,
-        [&] { return device.next.QueueSubmit(queue, count, submits, fence); },
-        [&](const VkSubmitInfo &batch) {
-            std::vector<SharedSteps> steps;
-            for (uint32_t c = 0; c < batch.commandBufferCount; ++c)
-                steps.push_back(stepsOf(device, batch.pCommandBuffers[c]));
-            return steps;
-        });
+    return submit(device, queue, std::span(submits, count), fence,
+                  [&] { return device.next.QueueSubmit(queue, count, submits, fence); });
 }
 
 VkResult queueSubmit2(DeviceValidation &device, VkQueue queue, uint32_t count, const VkSubmitInfo2 *submits,
@@ -189,36 +181,22 @@ VkResult queueSubmit2(DeviceValidation &device, VkQueue queue, uint32_t count, c
     const Place command("vkQueueSubmit2");
     for (uint32_t i = 0; i < count && device.checks.core; ++i)
         ranges::checkSubmission(device, command.element("pSubmits", i), submits[i]);
-    return submit(
-        device, queue, std::span(submits, count), fence,
-        [&] { return device.next.QueueSubmit2(queue, count, submits, fence); },
-        [&](const VkSubmitInfo2 &batch) {
-            std::vector<SharedSteps> steps;
-            for (uint32_t c = 0; c < batch.commandBufferInfoCount; ++c)
-                steps.push_back(stepsOf(device, batch.pCommandBufferInfos[c].commandBuffer));
-            return steps;
-        });
+    return submit(device, queue, std::span(submits, count), fence,
+                  [&] { return device.next.QueueSubmit2(queue, count, submits, fence); });
 }
 
 VkResult queueBindSparse(DeviceValidation &device, VkQueue queue, uint32_t count, const VkBindSparseInfo *infos,
                          VkFence fence)
 {
-    const HeldMessages held;
-    SubmissionTurn turn(device.logs);
-    const VkResult result = device.next.QueueBindSparse(queue, count, infos, fence);
-    const bool ordered = turn.await();
-    if (!succeeded(device, result))
-        return result;
-    remember(device.objects, [&] {
-        for (const VkBindSparseInfo &batch : std::span(infos, count))
-            executeBatch(device, queue, batch, ordered, {});
-        sync::signalFence(device.sync, queue, fence, ordered);
-    });
-    remember(device.objects, [&] {
-        for (const VkBindSparseInfo &batch : std::span(infos, count))
-            for (const VkSparseBufferMemoryBindInfo &info : std::span(batch.pBufferBinds, batch.bufferBindCount))
-                bind(device, info);
-    });
+    const std::span batches(infos, count);
+    const VkResult result =
+        submit(device, queue, batches, fence, [&] { return device.next.QueueBindSparse(queue, count, infos, fence); });
+    if (result == VK_SUCCESS)
+        remember(device.objects, [&] {
+            for (const VkBindSparseInfo &batch : batches)
+                for (const VkSparseBufferMemoryBindInfo &info : std::span(batch.pBufferBinds, batch.bufferBindCount))
+                    bind(device, info);
+        });
     return result;
 }
 

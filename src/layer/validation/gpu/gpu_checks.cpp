@@ -131,7 +131,7 @@ void GpuBuildChecks::add(const input::MicromapBuild &build)
     if (readable < count) {
         if (build.khr)
             return; // the check `core` reports it
-        const Place command("vkCmdBuildMicromapsEXT");
+        const Place command(nameOf(command_));
         device_.at(command.element("pInfos", build.element), build.target)
             .report("VELLUM-micromap-triangle-array", nullptr,
                     "triangle " + std::to_string(readable) + " is outside the buffer of triangleArray; the usage " +
@@ -159,15 +159,12 @@ void GpuBuildChecks::add(const input::StructureBuild &build)
     const bool top = build.given->type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
     newRecord(device_.objects.structureOf(build.given->dstAccelerationStructure),
               {top ? kRecordTop : kRecordBottom, build.given->flags, 0});
-    for (uint32_t g = 0; g < build.geometries.size(); ++g) {
-        const input::Geometry &geometry = build.geometries[g];
-        if (build.ranges.primitives(g) == 0)
-            continue;
-        if (geometry.isInstances() && !build.hasMotion()) // the shader reads VkAccelerationStructureInstanceKHR only
-            addInstances(build, g, geometry.given->geometry.instances);
-        else if (geometry.attachment)
-            addIndices(build, g, *geometry.attachment);
-    }
+    for (uint32_t g = 0; g < build.geometries.size(); ++g)
+        if (build.geometries[g].attachment && build.ranges.primitives(g) != 0)
+            addIndices(build, g, *build.geometries[g].attachment);
+    for (const input::Access &access : build.accesses)
+        if (access.of == input::Access::Of::Instances && !build.hasMotion()) // the shader reads no other layout
+            addInstances(build, access);
 }
 
 void GpuBuildChecks::addIndices(const input::StructureBuild &build, uint32_t g, const input::Attachment &attachment)
@@ -200,22 +197,22 @@ void GpuBuildChecks::addIndices(const input::StructureBuild &build, uint32_t g, 
     indices_.push_back({push, !attachment.khr && push.attached != 0 && declared <= push.triangleCount});
 }
 
-void GpuBuildChecks::addInstances(const input::StructureBuild &build, uint32_t g,
-                                  const VkAccelerationStructureGeometryInstancesDataKHR &data)
+void GpuBuildChecks::addInstances(const input::StructureBuild &build, const input::Access &access)
 {
     InstanceCheckPush push{};
+    const uint32_t g = access.geometry;
+    const auto &data = build.geometries[g].given->geometry.instances;
     push.pointers = data.arrayOfPointers;
-    const VkDeviceAddress begin =
-        data.data.deviceAddress + (build.ranges.direct ? build.ranges.direct[g].primitiveOffset : 0);
     const VkDeviceSize bytes = input::instanceStride(data);
-    if (!device_.buffers.addresses.find(begin).buffer)
+    if (!device_.buffers.addresses.find(access.begin()).buffer)
         return;
     push.finding = findingOf(build.element, g, build.given->dstAccelerationStructure, false);
-    push.instances = begin;
+    push.instances = access.begin();
     push.records = device_.records.address();
     push.references = device_.records.references();
     push.range = build.ranges.address(g);
-    push.count = std::min(build.ranges.primitives(g), device_.buffers.addresses.elementsFrom(begin, bytes, bytes));
+    push.count =
+        std::min(build.ranges.primitives(g), device_.buffers.addresses.elementsFrom(access.begin(), bytes, bytes));
     push.feature = device_.driver.enabled.anyFeature();
     push.allowDisable = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_BIT_KHR;
     instances_.push_back(push);
@@ -293,7 +290,7 @@ void checkHostBuild(GpuChecks &gpu, const input::MicromapBuild &build)
     if (!build.accepted || !triangles || !build.data.hostAddress)
         return;
     Finding finding{
-        0, siteOf(SiteCommand::BuildMicromapsOnHost, build.element), kNoGeometry, 0, 0, 0, build.target.handle};
+        0, siteOf(input::BuildCommand::HostMicromaps, build.element), kNoGeometry, 0, 0, 0, build.target.handle};
     uint32_t declaredCounts[kUsageKinds] = {}, found[kUsageKinds] = {};
     bool wrong = false;
     addDeclared(build.usages, declaredCounts);

@@ -43,7 +43,7 @@ struct GpuChecks {
 class GpuBuildChecks
 {
 public:
-    GpuBuildChecks(GpuChecks &gpu, VkCommandBuffer commandBuffer, SiteCommand command)
+    GpuBuildChecks(GpuChecks &gpu, VkCommandBuffer commandBuffer, input::BuildCommand command)
         : gpu_(gpu), device_(gpu.device), commandBuffer_(commandBuffer), command_(command)
     {
     }
@@ -66,15 +66,14 @@ private:
     };
     [[nodiscard]] shared::FindingPush findingOf(uint32_t i, uint32_t geometry, ObjectHandle object, bool khr) const;
     void addIndices(const input::StructureBuild &build, uint32_t g, const input::Attachment &attachment);
-    void addInstances(const input::StructureBuild &build, uint32_t g,
-                      const VkAccelerationStructureGeometryInstancesDataKHR &data);
+    void addInstances(const input::StructureBuild &build, const input::Access &access);
     void dispatch(InjectedWork &work);
     void newRecord(const std::shared_ptr<ValidatedStructure> &target, RecordWords words);
 
     GpuChecks &gpu_;
     DeviceModel &device_;
     VkCommandBuffer commandBuffer_;
-    SiteCommand command_;
+    input::BuildCommand command_;
     std::vector<NewRecord> records_;
     std::vector<Usage> usages_;
     std::vector<Indices> indices_;

@@ -7,7 +7,6 @@
 #include <cstring>
 #include <string>
 
-#include "core/findings.h"
 #include "core/records.h"
 #include "layer/rules/ids.h"
 #include "layer/validation/gpu/gpu_checks.h"
@@ -19,11 +18,6 @@ namespace
 
 using namespace shared;
 
-static_assert(kSiteCommandShift == 24);
-
-constexpr const char *kCommands[] = {"vkCmdBuildMicromapsEXT", "vkCmdBuildAccelerationStructuresKHR",
-                                     "vkCmdBuildAccelerationStructuresIndirectKHR", "vkBuildMicromapsEXT"};
-
 struct BrokenRule {
     const char *vuid;
     std::string text;
@@ -32,6 +26,11 @@ struct BrokenRule {
 std::string number(uint32_t value)
 {
     return std::to_string(value);
+}
+
+input::BuildCommand commandOf(const Finding &f)
+{
+    return static_cast<input::BuildCommand>(f.site >> kSiteCommandShift);
 }
 
 std::string kindOf(uint32_t levelAndFormat)
@@ -142,8 +141,7 @@ BrokenRule instanceRule(GpuChecks &gpu, const Finding &f)
     default: break;
     }
     if (what) {
-        const bool indirect =
-            f.site >> kSiteCommandShift == static_cast<uint32_t>(SiteCommand::BuildStructuresIndirect);
+        const bool indirect = commandOf(f) == input::BuildCommand::IndirectStructures;
         gpu.pending.found(1u << (indirect ? kGpuErrorNoBottomLevelIndirect : kGpuErrorNoBottomLevel));
         return {rules::ids::kReference, "the structure at accelerationStructureReference " + address + what};
     }
@@ -155,7 +153,7 @@ BrokenRule instanceRule(GpuChecks &gpu, const Finding &f)
 
 std::string placeOf(const Finding &f)
 {
-    std::string place = kCommands[f.site >> kSiteCommandShift];
+    std::string place = nameOf(commandOf(f));
     place += ": pInfos[" + number(f.site & 0xffffff) + "]";
     if (f.geometry != kNoGeometry)
         place += ".pGeometries[" + number(f.geometry) + "]";

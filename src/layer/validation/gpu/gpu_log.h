@@ -9,6 +9,8 @@
 
 #include <vulkan/vulkan.h>
 
+#include "core/findings.h"
+#include "layer/input/builds.h"
 #include "layer/memory/gpu_memory.h"
 
 namespace vellum::layer
@@ -16,17 +18,14 @@ namespace vellum::layer
 
 struct GpuChecks;
 
-// Commands with findings, as the log numbers them.
-enum class SiteCommand : uint32_t { BuildMicromaps, BuildStructures, BuildStructuresIndirect, BuildMicromapsOnHost };
-
 // One finding, as the device logs it (core/findings.h).
 struct Finding {
     uint32_t what, site, geometry, element, value0, value1;
     uint64_t object;
 };
-constexpr uint32_t siteOf(SiteCommand command, uint32_t info)
+constexpr uint32_t siteOf(input::BuildCommand command, uint32_t info)
 {
-    return static_cast<uint32_t>(command) << 24 | (info & 0xffffff);
+    return static_cast<uint32_t>(command) << shared::kSiteCommandShift | (info & 0xffffff);
 }
 void reportFinding(GpuChecks &gpu, const Finding &finding);
 

@@ -162,6 +162,7 @@ struct ValidatedStructure : ReferredObject {
     uint64_t since = 0;                                // DeviceModel::numbers when it got them
     uint64_t built = 0;                                // `built` of the structure that they were copied from
     uint64_t losses = 0;        // 1 + LostStructures::count() when instances were last checked; 0: they were not
+    uint32_t checkedMask = 0;   // those that rays with these bits in their cull mask may meet were checked then
     bool ownAllocator = false;  // it was created with allocation callbacks
     bool mayBeAttached = false; // to a structure whose build has no known order
 

@@ -93,7 +93,6 @@ std::optional<TexelBlock> texelBlockOf(VkFormat format, VkImageAspectFlags aspec
 
 // The ids of one of the two commands.
 struct CopyRules {
-    const char *command;
     const rules::Range &range;
     const char *flagRule;       // PROTECTED in an unprotected command buffer
     const char *noFlagRule;     // no PROTECTED in a protected one; null: no rule
@@ -101,15 +100,13 @@ struct CopyRules {
     const char *plainImageRule; // unprotected image in a protected one; null: no rule
     const char *queueRule;      // addresses on queues of transfers only
 };
-constexpr CopyRules kToImage{"vkCmdCopyMemoryToImageKHR",
-                             rules::kToImage,
+constexpr CopyRules kToImage{rules::kToImage,
                              "VUID-vkCmdCopyMemoryToImageKHR-commandBuffer-13102",
                              nullptr,
                              "VUID-vkCmdCopyMemoryToImageKHR-commandBuffer-13103",
                              "VUID-vkCmdCopyMemoryToImageKHR-commandBuffer-13021",
                              "VUID-vkCmdCopyMemoryToImageKHR-commandBuffer-13104"};
-constexpr CopyRules kToMemory{"vkCmdCopyImageToMemoryKHR",
-                              rules::kFromImage,
+constexpr CopyRules kToMemory{rules::kFromImage,
                               "VUID-vkCmdCopyImageToMemoryKHR-commandBuffer-13102",
                               "VUID-vkCmdCopyImageToMemoryKHR-commandBuffer-13025",
                               "VUID-vkCmdCopyImageToMemoryKHR-commandBuffer-13103",
@@ -200,21 +197,20 @@ bool overlap(const Rows &a, const Rows &b, uint64_t &steps)
 class ImageCopyCheck
 {
 public:
-    ImageCopyCheck(DeviceModel &device, VkCommandBuffer commandBuffer, const CopyRules &rules,
-                   const VkCopyDeviceMemoryImageInfoKHR &info)
-        : device_(device), ranges_(device, commandBuffer), rules_(rules), info_(info),
-          image_(device.objects.images.get(info.image))
+    ImageCopyCheck(const RangeCheck &ranges, const CopyRules &rules, const VkCopyDeviceMemoryImageInfoKHR &info)
+        : device_(ranges.device()), ranges_(ranges), rules_(rules), info_(info),
+          image_(ranges.device().objects.images.get(info.image))
     {
-        const auto log = device.logs.get(commandBuffer);
+        const DeviceModel &device = ranges.device();
+        const auto log = device.logs.get(ranges.commandBuffer());
         const auto &families = device.facts.queueFamilies;
         onTransferQueue_ = log && log->family < families.size() && !device.facts.maintenance11 &&
                            (families[log->family] & (VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_COMPUTE_BIT)) == 0;
     }
 
-    [[nodiscard]] bool check() const
+    void check() const
     {
-        const Place command(rules_.command);
-        const Place info = command.member("pCopyMemoryInfo");
+        const Place info = ranges_.command().member("pCopyMemoryInfo");
         checkProtectedImage(info);
         for (uint32_t i = 0; i < info_.regionCount; ++i) {
             const Place place = info.element("pRegions", i);
@@ -222,7 +218,6 @@ public:
         }
         if (rules_.range.usage == VK_BUFFER_USAGE_TRANSFER_DST_BIT)
             checkOverlap(info);
-        return ranges_.isKept();
     }
 
 private:
@@ -241,7 +236,7 @@ private:
     void checkRegion(const Place &place, const VkDeviceMemoryImageCopyKHR &region) const
     {
         const VkDeviceAddressRangeKHR &range = region.addressRange;
-        ranges_.check(place, range, region.addressFlags, flag_rules::kImageCopy, rules_.range);
+        ranges_.check(place, range, region.addressFlags, flagged::kImageCopy, rules_.range);
         ranges_.checkProtection(place, "addressFlags", region.addressFlags, rules_.flagRule, rules_.noFlagRule);
         const Place member = place.member("addressRange");
         if (onTransferQueue_ && range.address % 4 != 0)
@@ -296,7 +291,7 @@ private:
     }
 
     const DeviceModel &device_;
-    RangeCheck ranges_;
+    const RangeCheck &ranges_;
     const CopyRules &rules_;
     const VkCopyDeviceMemoryImageInfoKHR &info_;
     std::shared_ptr<const ValidatedImage> image_; // null if it is unknown
@@ -305,14 +300,14 @@ private:
 
 } // namespace
 
-bool checkCopyToImage(DeviceModel &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryImageInfoKHR &info)
+void cmdCopyMemoryToImage(const RangeCheck &ranges, const VkCopyDeviceMemoryImageInfoKHR *info)
 {
-    return ImageCopyCheck(device, commandBuffer, kToImage, info).check();
+    ImageCopyCheck(ranges, kToImage, *info).check();
 }
 
-bool checkCopyFromImage(DeviceModel &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryImageInfoKHR &info)
+void cmdCopyImageToMemory(const RangeCheck &ranges, const VkCopyDeviceMemoryImageInfoKHR *info)
 {
-    return ImageCopyCheck(device, commandBuffer, kToMemory, info).check();
+    ImageCopyCheck(ranges, kToMemory, *info).check();
 }
 
 } // namespace vellum::layer::ranges

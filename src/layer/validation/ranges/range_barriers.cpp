@@ -61,13 +61,15 @@ constexpr BarrierRules kRangeBarrier{
      "VUID-VkMemoryRangeBarrierKHR-dstAccessMask-07457", "VUID-VkMemoryRangeBarrierKHR-dstAccessMask-07458",
      "VUID-VkMemoryRangeBarrierKHR-dstStageMask-11541"}};
 
-void checkScope(DeviceModel &device, const Place &barrier, VkPipelineStageFlags2 stages, VkAccessFlags2 accesses,
-                const ScopeRules &rules, VkCommandBuffer commandBuffer)
+void checkScope(const RangeCheck &ranges, const Place &barrier, VkPipelineStageFlags2 stages, VkAccessFlags2 accesses,
+                const ScopeRules &rules)
 {
     const Place member = barrier.member(rules.accesses);
     const auto needs = [&](VkAccessFlags2 access, VkPipelineStageFlags2 needed, const char *rule, const char *text) {
         if ((accesses & access) != 0 && (stages & needed) == 0)
-            device.at(member, commandBuffer).report(rule, nullptr, std::string(text) + " in " + rules.stages);
+            ranges.device()
+                .at(member, ranges.commandBuffer())
+                .report(rule, nullptr, std::string(text) + " in " + rules.stages);
     };
     needs(VK_ACCESS_2_SHADER_READ_BIT, kShaderStages | kOtherStages, rules.shaderRead,
           "SHADER_READ, without a stage that runs shaders or builds structures");
@@ -76,7 +78,7 @@ void checkScope(DeviceModel &device, const Place &barrier, VkPipelineStageFlags2
           rules.micromapWrite, "MICROMAP_WRITE, without MICROMAP_BUILD");
     needs(VK_ACCESS_2_MICROMAP_READ_BIT_EXT, kMicromapBuild | kStructureBuild | VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT,
           rules.micromapRead, "MICROMAP_READ, without MICROMAP_BUILD or ACCELERATION_STRUCTURE_BUILD");
-    checkStage(device, barrier.member(rules.stages), stages, rules.feature, commandBuffer);
+    checkStage(ranges.device(), barrier.member(rules.stages), stages, rules.feature, ranges.commandBuffer());
 }
 
 // Returns whether one half of a barrier may break a rule.
@@ -88,13 +90,12 @@ bool mayBreak(VkPipelineStageFlags2 stages, VkAccessFlags2 accesses)
 }
 
 template <typename Barrier>
-void checkScopes(DeviceModel &device, const Place &place, const Barrier &barrier, const BarrierRules &rules,
-                 VkCommandBuffer commandBuffer)
+void checkScopes(const RangeCheck &ranges, const Place &place, const Barrier &barrier, const BarrierRules &rules)
 {
     if (mayBreak(barrier.srcStageMask, barrier.srcAccessMask))
-        checkScope(device, place, barrier.srcStageMask, barrier.srcAccessMask, rules.source, commandBuffer);
+        checkScope(ranges, place, barrier.srcStageMask, barrier.srcAccessMask, rules.source);
     if (mayBreak(barrier.dstStageMask, barrier.dstAccessMask))
-        checkScope(device, place, barrier.dstStageMask, barrier.dstAccessMask, rules.target, commandBuffer);
+        checkScope(ranges, place, barrier.dstStageMask, barrier.dstAccessMask, rules.target);
 }
 
 bool isFamily(const DeviceModel &device, uint32_t family)
@@ -103,33 +104,27 @@ bool isFamily(const DeviceModel &device, uint32_t family)
            family == VK_QUEUE_FAMILY_FOREIGN_EXT;
 }
 
-// Returns whether the rules of the range are kept.
-bool checkRangeBarrier(DeviceModel &device, const Place &place, const VkMemoryRangeBarrierKHR &barrier,
-                       VkCommandBuffer commandBuffer)
+void checkRangeBarrier(const RangeCheck &ranges, const Place &place, const VkMemoryRangeBarrierKHR &barrier)
 {
-    checkScopes(device, place, barrier, kRangeBarrier, commandBuffer);
-    const RangeCheck range(device, commandBuffer);
-    range.check(place, barrier.addressRange, barrier.addressFlags, flag_rules::kBarrier, {});
+    const DeviceModel &device = ranges.device();
+    checkScopes(ranges, place, barrier, kRangeBarrier);
+    ranges.check(place, barrier.addressRange, barrier.addressFlags, flagged::kBarrier, {});
     const uint32_t from = barrier.srcQueueFamilyIndex, to = barrier.dstQueueFamilyIndex;
     if (from == to)
-        return range.isKept();
+        return;
     const std::string families = "from queue family " + std::to_string(from) + " to " + std::to_string(to);
     if (((barrier.srcStageMask | barrier.dstStageMask) & VK_PIPELINE_STAGE_2_HOST_BIT) != 0)
-        device.at(place, commandBuffer)
-            .report("VUID-VkMemoryRangeBarrierKHR-srcStageMask-13089", nullptr,
-                    families + ", with the stage HOST; they must be equal");
+        ranges.fault(place, "VUID-VkMemoryRangeBarrierKHR-srcStageMask-13089",
+                     families + ", with the stage HOST; they must be equal");
     const auto buffer = bufferAt(device, barrier.addressRange.address);
     if (!buffer || !buffer->exclusive)
-        return range.isKept();
+        return;
+    const std::string text =
+        families + ", of exclusive buffer " + device.nameOf(buffer->handle) + ": there is no such family";
     if (!isFamily(device, from))
-        device.at(place, commandBuffer)
-            .report("VUID-VkMemoryRangeBarrierKHR-address-13087", "srcQueueFamilyIndex",
-                    families + ", of exclusive buffer " + device.nameOf(buffer->handle) + ": there is no such family");
+        ranges.fault(place.member("srcQueueFamilyIndex"), "VUID-VkMemoryRangeBarrierKHR-address-13087", text);
     if (!isFamily(device, to))
-        device.at(place, commandBuffer)
-            .report("VUID-VkMemoryRangeBarrierKHR-address-13088", "dstQueueFamilyIndex",
-                    families + ", of exclusive buffer " + device.nameOf(buffer->handle) + ": there is no such family");
-    return range.isKept();
+        ranges.fault(place.member("dstQueueFamilyIndex"), "VUID-VkMemoryRangeBarrierKHR-address-13088", text);
 }
 
 } // namespace
@@ -143,26 +138,18 @@ void checkStage(DeviceModel &device, const Place &place, VkPipelineStageFlags2 s
                     "MICROMAP_BUILD; micromap of VkPhysicalDeviceOpacityMicromapFeaturesEXT is not enabled");
 }
 
-bool checkDependency(DeviceModel &device, const Place &place, const VkDependencyInfo &info,
-                     VkCommandBuffer commandBuffer)
+void checkDependency(const RangeCheck &check, const Place &place, const VkDependencyInfo &info)
 {
     for (uint32_t i = 0; i < info.memoryBarrierCount; ++i)
-        checkScopes(device, place.element("pMemoryBarriers", i), info.pMemoryBarriers[i], kMemoryBarrier,
-                    commandBuffer);
+        checkScopes(check, place.element("pMemoryBarriers", i), info.pMemoryBarriers[i], kMemoryBarrier);
     for (uint32_t i = 0; i < info.bufferMemoryBarrierCount; ++i)
-        checkScopes(device, place.element("pBufferMemoryBarriers", i), info.pBufferMemoryBarriers[i], kBufferBarrier,
-                    commandBuffer);
+        checkScopes(check, place.element("pBufferMemoryBarriers", i), info.pBufferMemoryBarriers[i], kBufferBarrier);
     for (uint32_t i = 0; i < info.imageMemoryBarrierCount; ++i)
-        checkScopes(device, place.element("pImageMemoryBarriers", i), info.pImageMemoryBarriers[i], kImageBarrier,
-                    commandBuffer);
+        checkScopes(check, place.element("pImageMemoryBarriers", i), info.pImageMemoryBarriers[i], kImageBarrier);
     const auto *ranges =
         findInChain<VkMemoryRangeBarriersInfoKHR>(info.pNext, VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR);
-    bool kept = true;
     for (uint32_t i = 0; ranges && i < ranges->memoryRangeBarrierCount; ++i)
-        kept = checkRangeBarrier(device, place.element("pMemoryRangeBarriers", i), ranges->pMemoryRangeBarriers[i],
-                                 commandBuffer) &&
-               kept;
-    return kept;
+        checkRangeBarrier(check, place.element("pMemoryRangeBarriers", i), ranges->pMemoryRangeBarriers[i]);
 }
 
 void checkSubmission(DeviceModel &device, const Place &submit, const VkSubmitInfo2 &info)

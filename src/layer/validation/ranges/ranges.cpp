@@ -12,20 +12,20 @@ namespace vellum::layer
 namespace
 {
 
-// The two flags about one usage of buffers, and the ids of the rules about both.
+// The two flags about one usage of buffers, and the numbers of the rules: both flags are set; neither is, and the
+// buffer has the usage; the first is, and the buffer lacks the usage.
 struct UsageFlags {
     VkBufferUsageFlags usage;
     VkAddressCommandFlagsKHR has, unknown;
     const char *name;
-    const char *RangeFlagRules::*both, *RangeFlagRules::*missing, *RangeFlagRules::*wrong;
+    const char *both, *missing, *wrong;
 };
 constexpr UsageFlags kUsageFlags[] = {
     {VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, VK_ADDRESS_COMMAND_STORAGE_BUFFER_USAGE_BIT_KHR,
-     VK_ADDRESS_COMMAND_UNKNOWN_STORAGE_BUFFER_USAGE_BIT_KHR, "STORAGE_BUFFER_USAGE", &RangeFlagRules::bothStorage,
-     &RangeFlagRules::storage, &RangeFlagRules::noStorage},
+     VK_ADDRESS_COMMAND_UNKNOWN_STORAGE_BUFFER_USAGE_BIT_KHR, "STORAGE_BUFFER_USAGE", "13100", "13122", "13123"},
     {VK_BUFFER_USAGE_TRANSFORM_FEEDBACK_BUFFER_BIT_EXT, VK_ADDRESS_COMMAND_TRANSFORM_FEEDBACK_BUFFER_USAGE_BIT_KHR,
-     VK_ADDRESS_COMMAND_UNKNOWN_TRANSFORM_FEEDBACK_BUFFER_USAGE_BIT_KHR, "TRANSFORM_FEEDBACK_BUFFER_USAGE",
-     &RangeFlagRules::bothFeedback, &RangeFlagRules::feedback, &RangeFlagRules::noFeedback}};
+     VK_ADDRESS_COMMAND_UNKNOWN_TRANSFORM_FEEDBACK_BUFFER_USAGE_BIT_KHR, "TRANSFORM_FEEDBACK_BUFFER_USAGE", "13101",
+     "13124", "13125"}};
 
 } // namespace
 
@@ -57,6 +57,13 @@ void RangeCheck::fault(const Place &place, const char *vuid, const std::string &
         .report(vuid, nullptr, text, device_.implementsRanges ? severity : Severity::Reject);
 }
 
+void RangeCheck::checkUnprotected(const Place &place, VkDeviceAddress address, const char *rule) const
+{
+    const auto buffer = bufferAt(device_, address);
+    if (buffer && (buffer->flags & VK_BUFFER_CREATE_PROTECTED_BIT) != 0 && !device_.facts.protectedNoFault)
+        fault(place, rule, "buffer " + device_.nameOf(buffer->handle) + " is protected");
+}
+
 bool RangeCheck::isProtected() const
 {
     const auto log = device_.logs.get(commandBuffer_);
@@ -76,22 +83,22 @@ void RangeCheck::checkProtection(const Place &place, const char *member, VkAddre
 }
 
 VkBuffer RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-                           const RangeFlagRules &flagRules, const rules::Range &need) const
+                           const FlaggedRange &names, const rules::Range &need) const
 {
-    return check(place, range, flags, flagRules, need, rules::kAnyRange);
+    return check(place, range, flags, names, need, rules::kAnyRange);
 }
 
 void RangeCheck::check(const Place &place, const VkStridedDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-                       const RangeFlagRules &flagRules, const rules::Range &need) const
+                       const FlaggedRange &names, const rules::Range &need) const
 {
     if (range.stride > range.size)
-        fault(place.member(flagRules.range), "VUID-VkStridedDeviceAddressRangeKHR-stride-10957",
+        fault(place.member(names.range), "VUID-VkStridedDeviceAddressRangeKHR-stride-10957",
               "stride " + std::to_string(range.stride) + " is larger than the size, " + std::to_string(range.size));
-    check(place, {range.address, range.size}, flags, flagRules, need, rules::kAnyStridedRange);
+    check(place, {range.address, range.size}, flags, names, need, rules::kAnyStridedRange);
 }
 
 VkBuffer RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-                           const RangeFlagRules &flagRules, const rules::Range &need, const rules::AnyRange &ids) const
+                           const FlaggedRange &names, const rules::Range &need, const rules::AnyRange &ids) const
 {
     const AddressMap &addresses = device_.buffers.addresses;
     const VkBuffer sound = soundBuffer(range, flags, need);
@@ -101,12 +108,12 @@ VkBuffer RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &ra
         checkWhenExecuted(device_, commandBuffer_,
                           {.address = range.address,
                            .command = place.command(),
-                           .member = flagRules.range,
+                           .member = names.range,
                            .vuid = ids.buffer,
                            .object = commandBuffer_});
     if (sound)
         return sound;
-    const Place member = place.member(flagRules.range);
+    const Place member = place.member(names.range);
     if (need.leastId && range.size < need.least)
         fault(member, need.leastId,
               std::to_string(range.size) + " bytes; the command accesses " + std::to_string(need.least),
@@ -136,12 +143,12 @@ VkBuffer RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &ra
               "buffer " + device_.nameOf(any.buffer) + " has usage " + hex(buffer->usage) + ", without " +
                   hex(need.usage),
               Severity::Tolerate);
-    checkFlags(place, range, flags, flagRules);
+    checkFlags(place, range, flags, names);
     return VK_NULL_HANDLE;
 }
 
 void RangeCheck::checkFlags(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-                            const RangeFlagRules &rules) const
+                            const FlaggedRange &names) const
 {
     const auto buffer = bufferAt(device_, range.address);
     if (!buffer)
@@ -149,22 +156,22 @@ void RangeCheck::checkFlags(const Place &place, const VkDeviceAddressRangeKHR &r
     const bool isProtected = (buffer->flags & VK_BUFFER_CREATE_PROTECTED_BIT) != 0;
     const bool flag = (flags & VK_ADDRESS_COMMAND_PROTECTED_BIT_KHR) != 0;
     if (isProtected != flag && !device_.facts.protectedNoFault)
-        fault(place.member(rules.flags), isProtected ? rules.protectedBuffer : rules.unprotectedBuffer,
+        fault(place.member(names.flags), names.ofRange(isProtected ? "13098" : "13099").c_str(),
               "buffer " + device_.nameOf(buffer->handle) +
                   (isProtected ? " is protected; PROTECTED is not set" : " is not protected; PROTECTED is set"));
-    checkUsageFlags(place, range, flags, rules);
-    checkBinding(place, range, flags, rules);
+    checkUsageFlags(place, range, flags, names);
+    checkBinding(place, range, flags, names);
 }
 
 void RangeCheck::checkUsageFlags(const Place &place, const VkDeviceAddressRangeKHR &range,
-                                 VkAddressCommandFlagsKHR flags, const RangeFlagRules &rules) const
+                                 VkAddressCommandFlagsKHR flags, const FlaggedRange &names) const
 {
     const std::vector<AddressMap::Location> buffers = device_.buffers.addresses.within(range.address, range.size);
     for (const UsageFlags &usage : kUsageFlags) {
-        const Place member = place.member(rules.flags);
+        const Place member = place.member(names.flags);
         const bool has = (flags & usage.has) != 0;
         if (has && (flags & usage.unknown) != 0) {
-            fault(member, rules.*usage.both, std::string(usage.name) + " and UNKNOWN_" + usage.name);
+            fault(member, names.ofFlags(usage.both).c_str(), std::string(usage.name) + " and UNKNOWN_" + usage.name);
             continue;
         }
         // A buffer that the flags are wrong for.
@@ -174,7 +181,7 @@ void RangeCheck::checkUsageFlags(const Place &place, const VkDeviceAddressRangeK
             return buffer && (flags & usage.unknown) == 0 && hasUsage != has;
         });
         if (wrong != buffers.end())
-            fault(member, rules.*(has ? usage.wrong : usage.missing),
+            fault(member, names.ofRange(has ? usage.wrong : usage.missing).c_str(),
                   std::string(usage.name) + (has ? " is set" : " is not set") + "; buffer " +
                       device_.nameOf(wrong->buffer) + " was created " + (has ? "without" : "with") + " that usage");
     }
@@ -182,7 +189,7 @@ void RangeCheck::checkUsageFlags(const Place &place, const VkDeviceAddressRangeK
 
 // A range of a sparse buffer may be bound until the commands are executed.
 void RangeCheck::checkBinding(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-                              const RangeFlagRules &rules) const
+                              const FlaggedRange &names) const
 {
     const AddressMap::Location location = device_.buffers.addresses.find(range.address);
     const auto buffer = device_.objects.buffers.get(location.buffer);
@@ -190,10 +197,10 @@ void RangeCheck::checkBinding(const Place &place, const VkDeviceAddressRangeKHR 
         (buffer->flags & VK_BUFFER_CREATE_SPARSE_BINDING_BIT) == 0)
         return;
     device_.logs.add(commandBuffer_, [&device = device_, object = ObjectHandle(buffer->handle), buffer, location, range,
-                                      rules, text = place.member(rules.flags).text()](const Submission &) {
+                                      names, text = place.member(names.flags).text()](const Submission &) {
         if (!buffer->bound.contain(location.offset, location.offset + range.size))
             device.at(Place(text), object)
-                .report(rules.notBound, nullptr,
+                .report(names.ofRange("13097").c_str(), nullptr,
                         "FULLY_BOUND, but " + textOf(range) + " of sparse buffer " + device.nameOf(buffer->handle) +
                             " are not bound to memory");
     });
@@ -202,13 +209,13 @@ void RangeCheck::checkBinding(const Place &place, const VkDeviceAddressRangeKHR 
 namespace ranges
 {
 
-void checkCreation(DeviceModel &device, const Place &command, const VkAccelerationStructureCreateInfo2KHR &info)
+void checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfo2KHR &info)
 {
+    const RangeCheck ranges(device, VK_NULL_HANDLE, "vkCreateAccelerationStructure2KHR");
     if (!device.facts.addressCommands)
-        device.at(command).report("VUID-vkCreateAccelerationStructure2KHR-deviceAddressCommands-13086", nullptr,
-                                  "the feature deviceAddressCommands is not enabled");
-    RangeCheck(device, VK_NULL_HANDLE)
-        .checkFlags(command.member("pCreateInfo"), info.addressRange, info.addressFlags, flag_rules::kCreation);
+        ranges.fault(ranges.command(), "VUID-vkCreateAccelerationStructure2KHR-deviceAddressCommands-13086",
+                     "the feature deviceAddressCommands is not enabled");
+    ranges.checkFlags(ranges.command().member("pCreateInfo"), info.addressRange, info.addressFlags, flagged::kCreation);
 }
 
 } // namespace ranges

@@ -15,6 +15,9 @@
 
 namespace vellum::layer
 {
+
+using input::BuildCommand;
+
 namespace
 {
 
@@ -68,20 +71,13 @@ VkAccelerationStructureBuildSizesInfoKHR sizesOf(const DeviceModel &device, cons
     return sizes;
 }
 
-// Bytes of scratch memory that a build with these sizes needs.
-VkDeviceSize scratchOf(const input::StructureBuild &build, const VkAccelerationStructureBuildSizesInfoKHR &sizes)
-{
-    return build.isUpdate() ? sizes.updateScratchSize : sizes.buildScratchSize;
-}
-
 // For the target of an update, which may be compacted, only the first byte.
-BuildMemory memoryOf(const DeviceModel &device, const input::StructureBuild &build,
-                     const VkAccelerationStructureBuildSizesInfoKHR &sizes)
+BuildMemory memoryOf(const DeviceModel &device, const input::StructureBuild &build, VkDeviceSize size,
+                     VkDeviceSize scratch)
 {
     const ObjectHandle target = build.given->dstAccelerationStructure;
-    return {build.element, target,
-            memoryOf(device.objects.structureOf(target).get(), build.isUpdate() ? 1 : sizes.accelerationStructureSize),
-            memoryAt(device, build.given->scratchData.deviceAddress, scratchOf(build, sizes))};
+    return {build.element, target, memoryOf(device.objects.structureOf(target).get(), build.isUpdate() ? 1 : size),
+            memoryAt(device, build.given->scratchData.deviceAddress, scratch)};
 }
 
 std::pair<VkDeviceMemory, VkDeviceSize> placeOf(const MemoryRange &range)
@@ -158,85 +154,54 @@ void checkAttachedMemory(const RuleCheck &command, const input::StructureBuild &
 
 // --- Addresses, and the objects that are built ---
 
-// A member with an address, and the rule that it is valid.
+using Of = input::Access::Of;
+
+// The member that states an address, and the rule that it is valid.
 struct AddressMember {
     const char *name;
     const char *vuid;
 };
-constexpr AddressMember kVertexData{"geometry.triangles.vertexData",
-                                    "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03804"};
-constexpr AddressMember kIndexData{"geometry.triangles.indexData",
-                                   "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03806"};
-constexpr AddressMember kTransformData{"geometry.triangles.transformData",
-                                       "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03808"};
-constexpr AddressMember kBoxes{"geometry.aabbs.data", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03811"};
-constexpr AddressMember kInstances{"geometry.instances.data", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03813"};
-constexpr AddressMember kExtIndices{"geometry.triangles.indexBuffer", rules::kExtIndicesId};
-constexpr AddressMember kKhrIndices{"geometry.triangles.indexBuffer", rules::kKhrIndicesId};
-constexpr AddressMember kBuildScratch{"scratchData", rules::kScratchId};
-constexpr AddressMember kUpdateScratch{"scratchData", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12260"};
-constexpr AddressMember kExtData{"data", rules::kExtDataId};
-constexpr AddressMember kExtTriangles{"triangleArray", rules::kExtTrianglesId};
-constexpr AddressMember kExtScratch{"scratchData", rules::kExtScratchId};
-constexpr AddressMember kKhrData{"data", rules::kKhrInputId};
-constexpr AddressMember kKhrTriangles{"triangleArray", rules::kKhrInputId};
-
-// An address that a build accesses.
-struct Accessed {
-    const AddressMember *member;
-    VkDeviceAddress address;
-    uint32_t geometry = AccessedAddress::kNone;
-};
-
-void addAddresses(std::vector<Accessed> &accessed, const input::Geometry &geometry, uint32_t g)
+AddressMember memberOf(const input::MicromapBuild &build, const input::Access &access)
 {
-    const auto &given = geometry.given->geometry;
-    switch (geometry.given->geometryType) {
-    case VK_GEOMETRY_TYPE_TRIANGLES_KHR:
-        accessed.push_back({&kVertexData, given.triangles.vertexData.deviceAddress, g});
-        if (given.triangles.indexType != VK_INDEX_TYPE_NONE_KHR)
-            accessed.push_back({&kIndexData, given.triangles.indexData.deviceAddress, g});
-        if (given.triangles.transformData.deviceAddress != 0)
-            accessed.push_back({&kTransformData, given.triangles.transformData.deviceAddress, g});
-        break;
-    case VK_GEOMETRY_TYPE_AABBS_KHR: accessed.push_back({&kBoxes, given.aabbs.data.deviceAddress, g}); break;
-    case VK_GEOMETRY_TYPE_INSTANCES_KHR:
-        accessed.push_back({&kInstances, given.instances.data.deviceAddress, g});
-        break;
-    default: break;
+    switch (access.of) {
+    case Of::Data: return {"data", build.khr ? rules::kKhrInputId : rules::kExtDataId};
+    case Of::TriangleArray: return {"triangleArray", build.khr ? rules::kKhrInputId : rules::kExtTrianglesId};
+    default: return {"scratchData", build.khr ? rules::kScratchId : rules::kExtScratchId};
+    }
+}
+AddressMember memberOf(const input::StructureBuild &build, const input::Access &access)
+{
+    switch (access.of) {
+    case Of::Vertices:
+        return {"geometry.triangles.vertexData", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03804"};
+    case Of::Indices: return {"geometry.triangles.indexData", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03806"};
+    case Of::Transform:
+        return {"geometry.triangles.transformData", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03808"};
+    case Of::Boxes: return {"geometry.aabbs.data", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03811"};
+    case Of::Instances: return {"geometry.instances.data", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03813"};
+    case Of::MicromapIndices:
+        return {"geometry.triangles.indexBuffer",
+                build.geometries[access.geometry].attachment->khr ? rules::kKhrIndicesId : rules::kExtIndicesId};
+    default:
+        return {"scratchData",
+                build.isUpdate() ? "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12260" : rules::kScratchId};
     }
 }
 
-std::vector<Accessed> addressesOf(const input::StructureBuild &build)
-{
-    std::vector<Accessed> accessed;
-    for (uint32_t g = 0; g < build.geometries.size(); ++g)
-        if (build.geometries[g].given && build.ranges.primitives(g) > 0)
-            addAddresses(accessed, build.geometries[g], g);
-    return accessed;
-}
-
-std::string textOf(const Accessed &accessed)
-{
-    const std::string member = std::string(accessed.member->name) + ": ";
-    return accessed.geometry == AccessedAddress::kNone
-               ? member
-               : "pGeometries[" + std::to_string(accessed.geometry) + "]." + member;
-}
-
 // The buffers that are accessed exist when the command is executed.
-void checkWhenExecuted(const RuleCheck &check, uint32_t element, std::span<const Accessed> accessed)
+template <typename Build>
+void checkWhenExecuted(const RuleCheck &check, const Build &build)
 {
     DeviceModel &device = check.model();
-    for (const Accessed &one : accessed)
-        if (!device.rules.lacksBuffer(one.address))
+    for (const input::Access &access : build.accesses)
+        if (const AddressMember member = memberOf(build, access); !device.rules.lacksBuffer(access.address))
             layer::checkWhenExecuted(device, check.commandBuffer(),
-                                     {.address = one.address,
+                                     {.address = access.address,
                                       .command = check.place().command(),
-                                      .info = element,
-                                      .geometry = one.geometry,
-                                      .member = one.member->name,
-                                      .vuid = one.member->vuid,
+                                      .info = build.element,
+                                      .geometry = access.geometry,
+                                      .member = member.name,
+                                      .vuid = member.vuid,
                                       .object = check.object()});
 }
 
@@ -252,69 +217,53 @@ void checkInstanceAlignment(const InputCheck &check, const input::StructureBuild
             check.report(pointers ? "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03716"
                                   : "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03715",
                          "pGeometries[0].geometry.instances.data",
-                         std::to_string(instances.data.deviceAddress) + " is not a multiple of " +
-                             std::to_string(alignment));
+                         hex(instances.data.deviceAddress) + " is not a multiple of " + std::to_string(alignment));
     }
 }
 
-// Checks the addresses of a build. Returns whether it can be recorded.
+// Checks the addresses of the data of geometries. Returns whether the build can be recorded.
 bool checkAddresses(const RuleCheck &check, const input::StructureBuild &build)
 {
+    const RuleDevice &rules = check.model().rules;
     bool valid = true;
-    std::vector<Accessed> accessed = addressesOf(build);
-    for (const Accessed &one : accessed)
-        if (const Found found = isInvalid(check.model().rules, one.address, Severity::Reject)) {
-            check.report(one.member->vuid, nullptr, textOf(one) + found.text);
+    for (const input::Access &access : build.accesses) {
+        if (access.of == Of::MicromapIndices)
+            continue; // rules of the input
+        const AddressMember member = memberOf(build, access);
+        const Place geometry = check.place().element("pGeometries", access.geometry);
+        const InputCheck part = check.InputCheck::at(geometry);
+        if (const Found found = isInvalid(rules, access.address, Severity::Reject)) {
+            part.report(member.vuid, member.name, found.text);
             valid = false;
-        } else if (one.geometry != AccessedAddress::kNone &&
-                   lacksUsage(check.model().rules, one.address,
+        } else if (lacksUsage(rules, access.address,
                               VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR)) {
-            check.report("VUID-vkCmdBuildAccelerationStructuresKHR-geometry-03673", nullptr,
-                         textOf(one) + "its buffer was created without ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY");
+            part.report("VUID-vkCmdBuildAccelerationStructuresKHR-geometry-03673", member.name,
+                        "its buffer was created without ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY");
         }
-    for (uint32_t g = 0; g < build.geometries.size(); ++g)
-        if (const auto &attachment = build.geometries[g].attachment;
-            attachment && attachment->indexType != VK_INDEX_TYPE_NONE_KHR && build.ranges.primitives(g) > 0)
-            accessed.push_back(
-                {attachment->khr ? &kKhrIndices : &kExtIndices, attachment->indexBuffer.deviceAddress, g});
-    checkWhenExecuted(check, build.element, accessed);
+    }
     checkInstanceAlignment(check, build);
     return valid;
 }
 
 // Checks the scratch memory of a build with these sizes. Returns whether it can be recorded.
-bool checkScratch(const RuleCheck &check, const input::StructureBuild &build,
-                  const VkAccelerationStructureBuildSizesInfoKHR &sizes)
+bool checkScratch(const RuleCheck &check, const input::StructureBuild &build, VkDeviceSize needed)
 {
     const DeviceModel &model = check.model();
-    const VkDeviceSize needed = scratchOf(build, sizes);
+    const VkDeviceAddress address = build.given->scratchData.deviceAddress;
     if (needed == 0)
         return true; // the address is not used, and may be any
-    const Accessed scratch{build.isUpdate() ? &kUpdateScratch : &kBuildScratch, build.given->scratchData.deviceAddress};
-    if (const Found found = isInvalid(model.rules, scratch.address, Severity::Reject)) {
-        check.report(scratch.member->vuid, scratch.member->name, found.text);
+    const auto [name, vuid] = memberOf(build, {Of::Scratch, address, 0, needed, input::Access::kNone});
+    if (const Found found = isInvalid(model.rules, address, Severity::Reject)) {
+        check.report(vuid, name, found.text);
         return false;
     }
-    checkWhenExecuted(check, build.element, {&scratch, 1});
-    if (lacksUsage(model.rules, scratch.address, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT))
-        check.report(scratch.member->vuid, scratch.member->name,
-                     "its buffer was created without VK_BUFFER_USAGE_STORAGE_BUFFER_BIT");
-    const VkDeviceSize available = model.buffers.addresses.bytesFrom(scratch.address);
+    if (lacksUsage(model.rules, address, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT))
+        check.report(vuid, name, "its buffer was created without VK_BUFFER_USAGE_STORAGE_BUFFER_BIT");
+    const VkDeviceSize available = model.buffers.addresses.bytesFrom(address);
     if (build.ranges.direct && available < needed)
         check.report(build.isUpdate() ? "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12259" : rules::kScratchSizeId,
-                     scratch.member->name, rules::tooFewBytes(available, needed));
+                     name, rules::tooFewBytes(available, needed));
     return true;
-}
-
-void checkAddresses(const RuleCheck &check, const input::MicromapBuild &build)
-{
-    if (build.host || build.usages.triangles() == 0)
-        return;
-    std::vector<Accessed> accessed{{build.khr ? &kKhrData : &kExtData, build.data.deviceAddress},
-                                   {build.khr ? &kKhrTriangles : &kExtTriangles, build.triangles.deviceAddress}};
-    if (build.needs.scratch > 0)
-        accessed.push_back({build.khr ? &kBuildScratch : &kExtScratch, build.scratch.deviceAddress});
-    checkWhenExecuted(check, build.element, accessed);
 }
 
 // --- What attached micromaps hold ---
@@ -533,17 +482,6 @@ void checkUpdate(const RuleCheck &check, const input::StructureBuild &build)
     }
 }
 
-const char *nameOf(BuildCommand command)
-{
-    switch (command) {
-    case BuildCommand::Micromaps: return "vkCmdBuildMicromapsEXT";
-    case BuildCommand::HostMicromaps: return "vkBuildMicromapsEXT";
-    case BuildCommand::Structures: return "vkCmdBuildAccelerationStructuresKHR";
-    case BuildCommand::IndirectStructures: break;
-    }
-    return "vkCmdBuildAccelerationStructuresIndirectKHR";
-}
-
 } // namespace
 
 void noteChecked(DeviceModel &device, const input::Builds &builds)
@@ -553,53 +491,58 @@ void noteChecked(DeviceModel &device, const input::Builds &builds)
         device.driver.report().info("VELLUM-checked", "builds on this device are checked: " + namesOf(device.checks));
 }
 
-void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildCommand command, input::Builds &builds)
+void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, input::Builds &builds)
 {
     noteChecked(device, builds);
-    const Place place(nameOf(command));
+    const Place place(nameOf(builds.command));
     rules::checkBuilds(device.rules, place, builds, [&device](ObjectHandle handle) { return device.factsOf(handle); });
-    if (!device.checks.core)
-        return;
-    if (command == BuildCommand::Micromaps)
+    const bool core = device.checks.core;
+    const bool ext = builds.command == BuildCommand::Micromaps, host = builds.command == BuildCommand::HostMicromaps;
+    if (core && ext)
         checkFeature(device.at(place, commandBuffer), "VUID-vkCmdBuildMicromapsEXT-micromap-11648");
-    if (command == BuildCommand::Micromaps || command == BuildCommand::HostMicromaps)
-        checkCount(device, nameOf(command), "infoCount", static_cast<uint32_t>(builds.micromaps.size()),
-                   command == BuildCommand::Micromaps ? "VUID-vkCmdBuildMicromapsEXT-infoCount-arraylength"
-                                                      : "VUID-vkBuildMicromapsEXT-infoCount-arraylength");
-    for (const input::MicromapBuild &build : builds.micromaps) {
-        const Place element = place.element("pInfos", build.element);
-        const RuleCheck check(device, element, build.target, commandBuffer);
-        checkAddresses(check, build);
-    }
-    for (input::StructureBuild &build : builds.structures) {
-        const Place element = place.element("pInfos", build.element);
-        const RuleCheck check(device, element, build.given->dstAccelerationStructure, commandBuffer);
-        build.accepted = checkAddresses(check, build) && build.accepted;
-        checkAttachments(check, build);
-        checkUpdate(check, build);
-    }
+    if (ext || host)
+        checkCount(device, place.command(), "infoCount", static_cast<uint32_t>(builds.micromaps.size()),
+                   ext ? "VUID-vkCmdBuildMicromapsEXT-infoCount-arraylength"
+                       : "VUID-vkBuildMicromapsEXT-infoCount-arraylength");
     std::vector<BuildMemory> memory;
-    for (const input::MicromapBuild &build : builds.micromaps)
-        memory.push_back(memoryOf(device, build));
-    for (input::StructureBuild &build : builds.structures) {
-        if (!build.accepted) // nothing is known of a build with a mistake
+    for (input::MicromapBuild &build : builds.micromaps) {
+        const Place element = place.element("pInfos", build.element);
+        build.accesses = accessesOf(build);
+        if (!core)
             continue;
+        checkWhenExecuted(RuleCheck(device, element, build.target, commandBuffer), build);
+        memory.push_back(memoryOf(device, build));
+    }
+    for (input::StructureBuild &build : builds.structures) {
         const Place element = place.element("pInfos", build.element);
         const RuleCheck check(device, element, build.given->dstAccelerationStructure, commandBuffer);
-        const VkAccelerationStructureBuildSizesInfoKHR sizes = sizesOf(device, build);
-        build.accepted = checkScratch(check, build, sizes);
-        if (build.accepted)
-            memory.push_back(memoryOf(device, build, sizes));
+        build.accesses = accessesOf(build);
+        if (core) {
+            build.accepted = checkAddresses(check, build) && build.accepted;
+            checkAttachments(check, build);
+            checkUpdate(check, build);
+        }
+        if (build.accepted && (core || device.checks.sync)) { // nothing is known of a build with a mistake
+            const VkAccelerationStructureBuildSizesInfoKHR sizes = sizesOf(device, build);
+            const VkDeviceSize scratch = build.isUpdate() ? sizes.updateScratchSize : sizes.buildScratchSize;
+            build.accepted = !core || checkScratch(check, build, scratch);
+            if (build.accepted && scratch != 0)
+                build.accesses.push_back(
+                    {Of::Scratch, build.given->scratchData.deviceAddress, 0, scratch, input::Access::kNone});
+            if (build.accepted)
+                memory.push_back(memoryOf(device, build, sizes.accelerationStructureSize, scratch));
+        }
+        if (core)
+            checkWhenExecuted(check, build);
     }
+    if (!core)
+        return;
     const RuleCheck check(device, place, commandBuffer, commandBuffer);
     std::ranges::sort(memory, {}, [](const BuildMemory &build) { return placeOf(build.targetRange); });
     for (const input::StructureBuild &build : builds.structures)
         checkAttachedMemory(check, build, memory);
     std::ranges::sort(memory, {}, &BuildMemory::element);
-    checkOverlaps(check, memory,
-                  command == BuildCommand::Micromaps       ? kMicromaps
-                  : command == BuildCommand::HostMicromaps ? kHostMicromaps
-                                                           : kStructures);
+    checkOverlaps(check, memory, ext ? kMicromaps : host ? kHostMicromaps : kStructures);
 }
 
 } // namespace vellum::layer

@@ -9,13 +9,12 @@
 namespace vellum::layer
 {
 
-enum class BuildCommand { Micromaps, HostMicromaps, Structures, IndirectStructures };
-
 // Reports VELLUM-checked with the first build of the device: `vellum run` counts devices on which something was
 // checked.
 void noteChecked(DeviceModel &device, const input::Builds &builds);
 
-// Checks all rules of a command that builds. `commandBuffer`: null for vkBuildMicromapsEXT.
-void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildCommand command, input::Builds &builds);
+// Checks all rules of a command that builds, and finds what the builds access. `commandBuffer`: null for
+// vkBuildMicromapsEXT.
+void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, input::Builds &builds);
 
 } // namespace vellum::layer

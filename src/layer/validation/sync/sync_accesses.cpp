@@ -271,97 +271,70 @@ Scope copyScope(const std::shared_ptr<ValidatedStructure> &structure, bool write
     return {kStructureCopy, writes ? kStructureWrite : kStructureRead};
 }
 
+// What builds read, by Access::Of: how messages name it, and the accesses, of which there are none where it is not
+// looked up how much is read.
+struct Reading {
+    const char *subject;
+    VkAccessFlags2 accesses = 0;
+};
+constexpr Reading kReadings[] = {
+    {"data", kShaderRead},
+    {"triangleArray", kShaderRead},
+    {"vertexData"},
+    {"indexData"},
+    {"transformData"},
+    {"boxes"},
+    {"instances", kShaderRead},
+    {"indexBuffer", kIndexRead},
+};
+
+// The memory that a build accesses by address, in the stage of builds. `own`: reads and writes of what is built.
+void addAccesses(const DeviceSync &sync, Recorder &recorder, std::span<const input::Access> accesses,
+                 VkPipelineStageFlags2 stage, VkAccessFlags2 own)
+{
+    for (const input::Access &access : accesses) {
+        const Location location = locationAt(sync.device, access.begin(), access.bytes);
+        if (access.of == input::Access::Of::Scratch) {
+            recorder.writes("scratch memory", {stage, own}, location);
+            continue;
+        }
+        const Reading &reading = kReadings[static_cast<size_t>(access.of)];
+        if (reading.accesses != 0)
+            recorder.reads(reading.subject, {stage, reading.accesses}, location);
+        else
+            recorder.uses(reading.subject, location.buffer, location.address);
+    }
+}
+
 void addBuild(const DeviceSync &sync, Recorder &recorder, const input::MicromapBuild &build)
 {
     const VkPipelineStageFlags2 stage = build.khr ? kBuild : kMicromapBuild;
     const VkAccessFlags2 write = build.khr ? kStructureWrite : kMicromapWrite;
-    const VkAccessFlags2 read = build.khr ? kStructureRead : kMicromapRead;
-    const auto kind = build.khr ? ScratchSizes::kindOf(VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, false)
-                                : ScratchSizes::kMicromapExt;
-    const uint64_t triangles = build.usages.triangles();
-    if (triangles > 0) {
-        const uint64_t bytes = (triangles - 1) * build.triangleStride + sizeof(VkMicromapTriangleEXT);
-        recorder.reads("triangleArray", {stage, kShaderRead},
-                       locationAt(sync.device, build.triangles.deviceAddress, bytes));
-        // The host does not know where in it triangles have their data. Offset 0 is used.
-        recorder.reads("data", {stage, kShaderRead}, locationAt(sync.device, build.data.deviceAddress, 1));
-    }
-    recorder.writes("scratch memory", {stage, read | write},
-                    locationAt(sync.device, build.scratch.deviceAddress, sync.scratch.smallest(kind)));
+    addAccesses(sync, recorder, build.accesses, stage, write | (build.khr ? kStructureRead : kMicromapRead));
     writeStructure(recorder, {stage, write}, sync.device.objects.structureOf(build.target));
-}
-
-// `range`: null for an indirect build.
-void addAttachment(const DeviceSync &sync, Recorder &recorder, const input::Attachment &attachment,
-                   const VkAccelerationStructureBuildRangeInfoKHR *range)
-{
-    readStructure(recorder, {kBuild, attachment.khr ? kStructureRead : kMicromapRead},
-                  sync.device.objects.structureOf(attachment.micromap));
-    const uint32_t bytes = input::indexBytes(attachment.indexType);
-    if (range && range->primitiveCount > 0 && bytes != 0)
-        recorder.reads("indexBuffer", {kBuild, kIndexRead},
-                       locationAt(sync.device, attachment.indexBuffer.deviceAddress,
-                                  (range->primitiveCount - 1) * attachment.indexStride + bytes));
-}
-
-void addInstances(const DeviceSync &sync, Recorder &recorder,
-                  const VkAccelerationStructureGeometryInstancesDataKHR &instances,
-                  const VkAccelerationStructureBuildRangeInfoKHR *range)
-{
-    if (!range || range->primitiveCount == 0)
-        return;
-    recorder.reads("instances", {kBuild, kShaderRead},
-                   locationAt(sync.device, instances.data.deviceAddress + range->primitiveOffset,
-                              range->primitiveCount * input::instanceStride(instances)));
-}
-
-// The data of triangles and boxes: how much of it is read is not looked up.
-void addGeometry(const DeviceSync &sync, Recorder &recorder, const VkAccelerationStructureGeometryKHR &geometry)
-{
-    const auto use = [&](const char *subject, VkDeviceAddress address) {
-        recorder.uses(subject, locationAt(sync.device, address, 1).buffer, address);
-    };
-    if (geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR) {
-        const auto &triangles = geometry.geometry.triangles;
-        use("vertexData", triangles.vertexData.deviceAddress);
-        if (triangles.indexType != VK_INDEX_TYPE_NONE_KHR)
-            use("indexData", triangles.indexData.deviceAddress);
-        if (triangles.transformData.deviceAddress != 0)
-            use("transformData", triangles.transformData.deviceAddress);
-    } else if (geometry.geometryType == VK_GEOMETRY_TYPE_AABBS_KHR) {
-        use("boxes", geometry.geometry.aabbs.data.deviceAddress);
-    }
 }
 
 void addBuild(const DeviceSync &sync, Recorder &recorder, const input::StructureBuild &build)
 {
-    for (uint32_t g = 0; g < build.geometries.size(); ++g) {
-        const input::Geometry &geometry = build.geometries[g];
-        const auto *range = build.ranges.direct ? &build.ranges.direct[g] : nullptr;
+    for (const input::Geometry &geometry : build.geometries)
         if (geometry.attachment)
-            addAttachment(sync, recorder, *geometry.attachment, range);
-        else if (geometry.isInstances())
-            addInstances(sync, recorder, geometry.given->geometry.instances, range);
-        if (geometry.given && range && range->primitiveCount > 0)
-            addGeometry(sync, recorder, *geometry.given);
-    }
-    const auto &info = *build.given;
-    const uint64_t scratch = sync.scratch.smallest(ScratchSizes::kindOf(info.type, build.isUpdate()));
+            readStructure(recorder, {kBuild, geometry.attachment->khr ? kStructureRead : kMicromapRead},
+                          sync.device.objects.structureOf(geometry.attachment->micromap));
     if (build.isUpdate())
         readStructure(recorder, {kBuild, kStructureRead},
-                      sync.device.objects.structureOf(info.srcAccelerationStructure));
-    recorder.writes("scratch memory", {kBuild, kStructureRead | kStructureWrite},
-                    locationAt(sync.device, info.scratchData.deviceAddress, scratch));
-    writeStructure(recorder, {kBuild, kStructureWrite}, sync.device.objects.structureOf(info.dstAccelerationStructure));
+                      sync.device.objects.structureOf(build.given->srcAccelerationStructure));
+    addAccesses(sync, recorder, build.accesses, kBuild, kStructureRead | kStructureWrite);
+    writeStructure(recorder, {kBuild, kStructureWrite},
+                   sync.device.objects.structureOf(build.given->dstAccelerationStructure));
 }
 
 } // namespace
 
-void recordBuilds(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *command, const input::Builds &builds)
+void recordBuilds(DeviceSync &sync, VkCommandBuffer commandBuffer, const input::Builds &builds)
 {
     if (!sync.device.checks.sync)
         return;
-    Recorder recorder(sync, commandBuffer, command);
+    Recorder recorder(sync, commandBuffer, nameOf(builds.command));
     for (const input::MicromapBuild &build : builds.micromaps) {
         recorder.element("pInfos", build.element);
         if (!build.khr || build.hasData)

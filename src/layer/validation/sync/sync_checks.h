@@ -4,8 +4,6 @@
 // pass counts as ordered with everything before and after it.
 #pragma once
 
-#include <array>
-#include <atomic>
 #include <memory>
 #include <string>
 #include <vector>
@@ -21,53 +19,10 @@
 namespace vellum::layer
 {
 
-// The smallest size of scratch memory that the implementation reported for builds of a kind: what every build of that
-// kind accesses.
-class ScratchSizes
-{
-public:
-    void reported(VkAccelerationStructureBuildTypeKHR where, const VkMicromapBuildSizesInfoEXT &sizes)
-    {
-        reported(where, kMicromapExt, sizes.buildScratchSize);
-    }
-    void reported(VkAccelerationStructureBuildTypeKHR where, VkAccelerationStructureTypeKHR type,
-                  const VkAccelerationStructureBuildSizesInfoKHR &sizes)
-    {
-        reported(where, kindOf(type, false), sizes.buildScratchSize);
-        reported(where, kindOf(type, true), sizes.updateScratchSize);
-    }
-    // 0: none, or unknown.
-    [[nodiscard]] uint64_t smallest(size_t kind) const
-    {
-        const uint64_t size = sizes_[kind].load();
-        return size == 0 ? 0 : size - 1;
-    }
-    static constexpr size_t kMicromapExt = 0;
-    static size_t kindOf(VkAccelerationStructureTypeKHR type, bool update)
-    {
-        const size_t number = type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR      ? 0
-                              : type == VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR ? 1
-                                                                                        : 2;
-        return 1 + 2 * number + (update ? 1 : 0);
-    }
-
-private:
-    void reported(VkAccelerationStructureBuildTypeKHR where, size_t kind, uint64_t size)
-    {
-        uint64_t known = sizes_[kind].load();
-        while (where != VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR && (known == 0 || size < known - 1) &&
-               !sizes_[kind].compare_exchange_weak(known, size + 1)) {
-        }
-    }
-
-    std::array<std::atomic<uint64_t>, 7> sizes_{}; // 1 more; 0: unknown
-};
-
 struct DeviceSync {
     DeviceModel &device;
     sync::Tracker tracker{};
     HandleMap<VkSemaphore, bool> timelines{};
-    ScratchSizes scratch{};
 };
 
 namespace sync
@@ -75,7 +30,7 @@ namespace sync
 
 // --- Accesses of commands; nothing is recorded where `sync` is off.
 
-void recordBuilds(DeviceSync &, VkCommandBuffer, const char *command, const input::Builds &builds);
+void recordBuilds(DeviceSync &, VkCommandBuffer, const input::Builds &builds);
 
 // Copies and queries of structures and micromaps. A null one is unknown.
 void recordCopy(DeviceSync &, VkCommandBuffer, const char *command, const std::shared_ptr<ValidatedStructure> &source,
@@ -101,12 +56,12 @@ void recordWrite(DeviceSync &, VkCommandBuffer, const char *command, const VkDev
 // --- Order, between commands and with the host.
 
 // The semaphores that a batch of a submission waits for and signals.
-std::vector<SemaphoreUse> waitsOf(const DeviceSync &, const VkSubmitInfo &);
-std::vector<SemaphoreUse> waitsOf(const DeviceSync &, const VkSubmitInfo2 &);
-std::vector<SemaphoreUse> waitsOf(const DeviceSync &, const VkBindSparseInfo &);
-std::vector<SemaphoreUse> signalsOf(const DeviceSync &, const VkSubmitInfo &);
-std::vector<SemaphoreUse> signalsOf(const DeviceSync &, const VkSubmitInfo2 &);
-std::vector<SemaphoreUse> signalsOf(const DeviceSync &, const VkBindSparseInfo &);
+struct BatchSemaphores {
+    std::vector<SemaphoreUse> waits, signals;
+};
+BatchSemaphores semaphoresOf(const DeviceSync &, const VkSubmitInfo &);
+BatchSemaphores semaphoresOf(const DeviceSync &, const VkSubmitInfo2 &);
+BatchSemaphores semaphoresOf(const DeviceSync &, const VkBindSparseInfo &);
 // Around the steps of its command buffers. `ordered`: SubmissionTurn::await().
 // The number of the batch on its queue; 0: when it is complete is not known.
 uint64_t beginBatch(DeviceSync &, VkQueue, const std::vector<SemaphoreUse> &waits, bool ordered);

@@ -166,27 +166,17 @@ std::vector<SemaphoreUse> usesOf(const DeviceSync &sync, uint32_t count, const V
     return uses;
 }
 
+// `stages`: of the waits; null where there are none.
 template <typename Batch>
-const VkTimelineSemaphoreSubmitInfo *valuesOf(const Batch &submit)
+BatchSemaphores semaphoresIn(const DeviceSync &sync, const Batch &batch, const VkPipelineStageFlags *stages)
 {
-    return findInChain<VkTimelineSemaphoreSubmitInfo>(submit.pNext, VK_STRUCTURE_TYPE_TIMELINE_SEMAPHORE_SUBMIT_INFO);
-}
-
-// `stages`: null where there are none.
-template <typename Batch>
-std::vector<SemaphoreUse> waitsIn(const DeviceSync &sync, const Batch &batch, const VkPipelineStageFlags *stages)
-{
-    const auto *values = valuesOf(batch);
-    return usesOf(sync, batch.waitSemaphoreCount, batch.pWaitSemaphores, stages,
-                  values ? values->waitSemaphoreValueCount : 0, values ? values->pWaitSemaphoreValues : nullptr);
-}
-
-template <typename Batch>
-std::vector<SemaphoreUse> signalsIn(const DeviceSync &sync, const Batch &batch)
-{
-    const auto *values = valuesOf(batch);
-    return usesOf(sync, batch.signalSemaphoreCount, batch.pSignalSemaphores, nullptr,
-                  values ? values->signalSemaphoreValueCount : 0, values ? values->pSignalSemaphoreValues : nullptr);
+    const auto *given =
+        findInChain<VkTimelineSemaphoreSubmitInfo>(batch.pNext, VK_STRUCTURE_TYPE_TIMELINE_SEMAPHORE_SUBMIT_INFO);
+    const VkTimelineSemaphoreSubmitInfo values = given ? *given : VkTimelineSemaphoreSubmitInfo{};
+    return {usesOf(sync, batch.waitSemaphoreCount, batch.pWaitSemaphores, stages, values.waitSemaphoreValueCount,
+                   values.pWaitSemaphoreValues),
+            usesOf(sync, batch.signalSemaphoreCount, batch.pSignalSemaphores, nullptr, values.signalSemaphoreValueCount,
+                   values.pSignalSemaphoreValues)};
 }
 
 } // namespace
@@ -239,34 +229,20 @@ void recordWait(DeviceSync &sync, VkCommandBuffer commandBuffer, uint32_t count,
         addWait(sync, commandBuffer, events[e], barrier);
 }
 
-std::vector<SemaphoreUse> waitsOf(const DeviceSync &sync, const VkSubmitInfo &submit)
+BatchSemaphores semaphoresOf(const DeviceSync &sync, const VkSubmitInfo &submit)
 {
-    return waitsIn(sync, submit, submit.pWaitDstStageMask);
+    return semaphoresIn(sync, submit, submit.pWaitDstStageMask);
 }
 
-std::vector<SemaphoreUse> waitsOf(const DeviceSync &sync, const VkSubmitInfo2 &submit)
+BatchSemaphores semaphoresOf(const DeviceSync &sync, const VkSubmitInfo2 &submit)
 {
-    return usesOf(sync, submit.waitSemaphoreInfoCount, submit.pWaitSemaphoreInfos);
+    return {usesOf(sync, submit.waitSemaphoreInfoCount, submit.pWaitSemaphoreInfos),
+            usesOf(sync, submit.signalSemaphoreInfoCount, submit.pSignalSemaphoreInfos)};
 }
 
-std::vector<SemaphoreUse> waitsOf(const DeviceSync &sync, const VkBindSparseInfo &bind)
+BatchSemaphores semaphoresOf(const DeviceSync &sync, const VkBindSparseInfo &bind)
 {
-    return waitsIn(sync, bind, nullptr);
-}
-
-std::vector<SemaphoreUse> signalsOf(const DeviceSync &sync, const VkSubmitInfo &submit)
-{
-    return signalsIn(sync, submit);
-}
-
-std::vector<SemaphoreUse> signalsOf(const DeviceSync &sync, const VkBindSparseInfo &bind)
-{
-    return signalsIn(sync, bind);
-}
-
-std::vector<SemaphoreUse> signalsOf(const DeviceSync &sync, const VkSubmitInfo2 &submit)
-{
-    return usesOf(sync, submit.signalSemaphoreInfoCount, submit.pSignalSemaphoreInfos);
+    return semaphoresIn(sync, bind, nullptr);
 }
 
 uint64_t beginBatch(DeviceSync &sync, VkQueue queue, const std::vector<SemaphoreUse> &waits, bool ordered)

@@ -30,6 +30,11 @@ bool meets(const TraceUse &use, uint32_t mask)
 {
     return use.cullMask ? (mask & *use.cullMask) != 0 : mask == 0xff;
 }
+// Returns whether they may.
+bool mayMeet(const TraceUse &use, uint32_t mask)
+{
+    return (mask & use.cullMask.value_or(0xff)) != 0;
+}
 
 std::optional<BrokenRules> brokenBy(const DeviceModel &device, const TraceUse &use)
 {
@@ -262,13 +267,14 @@ struct LostPart {
     size_t geometry = 0;
 };
 
-// The first instance whose structure, or a micromap of whose structure, is not valid when rays are traced.
+// The first instance that rays may meet and whose structure, or a micromap of whose structure, is not valid then.
 std::optional<LostPart> lostPart(const DeviceModel &device, const TraceUse &use, uint64_t built,
                                  std::span<const VkDeviceAddress> references)
 {
     const LostStructures &lost = device.objects.lost;
+    const std::span<const uint32_t> masks = use.contents->instances.masks();
     for (uint32_t i = 0; i < references.size(); ++i) {
-        if (references[i] == 0)
+        if (references[i] == 0 || !mayMeet(use, masks[i]))
             continue;
         const auto structure = device.objects.byReference.at(references[i]);
         if (!structure || structure->destroyed || lacksMemory(device, *structure)) {
@@ -315,9 +321,14 @@ void TracedStructures::use(DeviceModel &device, const TraceUse &use, bool isOrde
     if (!found.empty() && isOrdered)
         return reportLost(device, use, found);
     const uint64_t losses = 1 + device.objects.lost.count(); // 0: instances were not checked
-    if (!use.contents || !use.contents->instances.memory || structure.losses == losses)
+    const uint32_t cullMask = use.cullMask.value_or(0xff);
+    if (structure.losses != losses)
+        structure.checkedMask = 0;
+    const bool isChecked = structure.losses == losses && (cullMask & ~structure.checkedMask) == 0;
+    if (!use.contents || !use.contents->instances.memory || isChecked)
         return;
     structure.losses = losses;
+    structure.checkedMask |= cullMask;
     const std::lock_guard lock(mutex_);
     traced_.push_back({use, structure.built});
     any_ = true;
@@ -486,56 +497,44 @@ void useSite(DeviceTraces &traces, const TracingSite &site, const StructureSet *
 
 constexpr uint32_t kGroupSize = 64;
 
-CapturedInstances captureInstances(DeviceModel &device, VkCommandBuffer commandBuffer,
-                                   const VkAccelerationStructureGeometryInstancesDataKHR &instances,
-                                   const VkAccelerationStructureBuildRangeInfoKHR &range)
+// Records a shader that reads what a build accesses, and writes what it finds to the memory in the end.
+template <typename Push>
+void capture(DeviceModel &device, VkCommandBuffer commandBuffer, InjectedShader shader, const Push &push)
 {
-    const uint32_t count = range.primitiveCount;
-    const VkDeviceAddress source = instances.data.deviceAddress + range.primitiveOffset;
-    const VkDeviceSize bytes = input::instanceStride(instances);
-    if (!bufferAt(device, source) || count > device.buffers.addresses.elementsFrom(source, bytes, bytes))
-        return {}; // outside of buffers, which other rules are about
+    InjectedWork work(device.commands, commandBuffer);
+    work.barrier();
+    work.dispatch(shader, push, push.count, kGroupSize);
+    work.barrier(true);
+}
+
+CapturedInstances captureInstances(DeviceModel &device, VkCommandBuffer commandBuffer, const input::Access &access,
+                                   const VkAccelerationStructureGeometryInstancesDataKHR &instances, uint32_t count)
+{
     auto memory = Capture::make(device.captureMemory, Capture::kCountWords + size_t{count} * CapturedInstances::kWords,
                                 Capture::kCountWords);
     if (!memory)
         return {};
-    if (count != 0) {
-        const shared::InstancesContentsPush push{.source = source,
-                                                 .target = memory->address(),
-                                                 .count = count,
-                                                 .pointers = instances.arrayOfPointers ? 1u : 0u};
-        InjectedWork work(device.commands, commandBuffer);
-        work.barrier();
-        work.dispatch(InjectedShader::InstancesContents, push, count, kGroupSize);
-        work.barrier(true);
-    }
+    capture(device, commandBuffer, InjectedShader::InstancesContents,
+            shared::InstancesContentsPush{.source = access.begin(),
+                                          .target = memory->address(),
+                                          .count = count,
+                                          .pointers = instances.arrayOfPointers ? 1u : 0u});
     return {count, std::move(memory)};
 }
 
-CapturedIndices captureIndices(DeviceModel &device, VkCommandBuffer commandBuffer, const input::Attachment &attachment,
-                               uint32_t count)
+CapturedIndices captureIndices(DeviceModel &device, VkCommandBuffer commandBuffer, const input::Access &access,
+                               const input::Attachment &attachment, uint32_t count)
 {
-    const uint32_t bytes = input::indexBytes(attachment.indexType);
-    const VkDeviceAddress source = attachment.indexBuffer.deviceAddress;
-    const auto buffer = bufferAt(device, source);
-    if (bytes == 0 || !attachment.micromap || !buffer || count == 0)
-        return {};
-    const VkDeviceSize rest = buffer->address + buffer->size - source;
-    if (VkDeviceSize{count - 1} * attachment.indexStride + bytes > rest)
-        return {}; // outside its buffer, which other rules are about
     auto memory = Capture::make(device.captureMemory, Capture::kCountWords, Capture::kCountWords);
     if (!memory)
         return {};
-    const shared::IndexKindsPush push{.source = source,
-                                      .target = memory->address(),
-                                      .stride = static_cast<uint32_t>(attachment.indexStride),
-                                      .count = count,
-                                      .bytes = bytes,
-                                      .unused = 0};
-    InjectedWork work(device.commands, commandBuffer);
-    work.barrier();
-    work.dispatch(InjectedShader::IndexKinds, push, count, kGroupSize);
-    work.barrier(true);
+    capture(device, commandBuffer, InjectedShader::IndexKinds,
+            shared::IndexKindsPush{.source = access.begin(),
+                                   .target = memory->address(),
+                                   .stride = static_cast<uint32_t>(attachment.indexStride),
+                                   .count = count,
+                                   .bytes = input::indexBytes(attachment.indexType),
+                                   .unused = 0});
     return {count, std::move(memory)};
 }
 
@@ -596,17 +595,22 @@ void captureContents(DeviceModel &device, VkCommandBuffer commandBuffer, const i
                      StructureContents &contents)
 {
     const CommandState *state = device.commands.states.get(commandBuffer);
-    const auto *ranges = build.ranges.direct;
     // In a command buffer that inherits conditional rendering, dispatches may be discarded.
-    if (!device.checks.gpu || !ranges || !state || state->inheritsConditionalRendering)
+    if (!device.checks.gpu || !state || state->inheritsConditionalRendering)
         return;
-    for (uint32_t g = 0; g < contents.geometries.size(); ++g) {
+    for (const input::Access &access : build.accesses) {
+        const uint32_t g = access.geometry;
+        // Other rules are about what is outside of buffers.
+        if (access.bytes == 0 || g >= contents.geometries.size() ||
+            !device.buffers.addresses.covering(access.begin(), access.bytes, 0).buffer)
+            continue;
         const input::Geometry &geometry = build.geometries[g];
-        if (geometry.isInstances() && !build.hasMotion()) // as in the check of instances
-            contents.instances = captureInstances(device, commandBuffer, geometry.given->geometry.instances, ranges[g]);
-        else if (geometry.attachment)
-            contents.geometries[g].indices =
-                captureIndices(device, commandBuffer, *geometry.attachment, ranges[g].primitiveCount);
+        const uint32_t count = build.ranges.primitives(g);
+        if (access.of == input::Access::Of::Instances && !build.hasMotion()) // as in the check of instances
+            contents.instances =
+                captureInstances(device, commandBuffer, access, geometry.given->geometry.instances, count);
+        else if (access.of == input::Access::Of::MicromapIndices && geometry.attachment->micromap)
+            contents.geometries[g].indices = captureIndices(device, commandBuffer, access, *geometry.attachment, count);
     }
 }
 
