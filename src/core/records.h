@@ -156,7 +156,9 @@ VELLUM_CONST uint kFirstSlots = 65536u; // in the first page
 
 // --- root ---
 VELLUM_CONST uint kRootHeaderWords = 16u;
-VELLUM_CONST uint kRootHashTable = 0u; // words 0, 1: address of the BLAS hash table
+// words 0, 1: address of the hash table, a multiple of 32, plus the base-2 logarithm of its number of buckets
+VELLUM_CONST uint kRootHashTable = 0u;
+VELLUM_CONST uint kBucketsLog2Mask = 31u;
 
 VELLUM_CONST uint kRootGpuErrors = 2u; // words 2, 3: address of the counters of GPU errors
 
@@ -183,10 +185,9 @@ VELLUM_CONST uint kGpuErrorCounters = kGpuErrors + 1u;
 // The word after the counters: the greatest instanceShaderBindingTableRecordOffset of all instances that were built.
 VELLUM_CONST uint kGreatestRecordOffset = kGpuErrorCounters;
 
-// --- hash table of acceleration structures: header (4 words: mask of the bucket index), then buckets ---
+// --- hash table of acceleration structures: buckets ---
 // bucket word 0, 1: key, the acceleration structure reference; 0 empty, ~0 deleted
 // bucket word 2, 3: address of a descriptor, with its generation
-VELLUM_CONST uint kHashHeaderWords = 4u;
 VELLUM_CONST uint kHashBucketWords = 4u;
 
 // --- descriptor: states what an acceleration structure holds; the GPU writes it when a build or a copy executes ---

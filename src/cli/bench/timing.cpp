@@ -40,6 +40,16 @@ gpu::Milliseconds TimedBuilds::run()
     return timer_.time([this] { device_.execute(commands_); });
 }
 
+TimedBuilds::Bytes TimedBuilds::bytes() const
+{
+    Bytes sum;
+    for (const auto &structure : structures_) {
+        sum.structures += structure->size();
+        sum.scratch += structure->scratchRange().size;
+    }
+    return sum;
+}
+
 TimedWorld::TimedWorld(const gpu::DeviceInfo &info, std::optional<gpu::Api> api)
     : device_(info, api), bottom_(device_, oneTriangle())
 {

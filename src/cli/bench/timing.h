@@ -22,6 +22,11 @@ public:
     TimedBuilds(gpu::Device &device, std::vector<std::unique_ptr<gpu::Structure>> structures);
     // Submits it and waits.
     gpu::Milliseconds run();
+    // The bytes of the structures, and of the scratch memory of their builds.
+    struct Bytes {
+        VkDeviceSize structures = 0, scratch = 0;
+    };
+    [[nodiscard]] Bytes bytes() const;
 
 private:
     gpu::Device &device_;

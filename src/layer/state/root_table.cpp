@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <bit>
 #include <new>
 
 #include "core/align.h"
@@ -79,7 +80,7 @@ bool crossesWord(VkDeviceAddress address, VkDeviceSize bytes)
 
 uint32_t *bucketWords(const GpuBuffer &table, uint32_t bucket)
 {
-    return table.words() + kHashHeaderWords + size_t{bucket} * kHashBucketWords;
+    return table.words() + size_t{bucket} * kHashBucketWords;
 }
 
 } // namespace
@@ -374,16 +375,17 @@ bool RootTable::growHashTable()
     while (buckets < (descriptors_.size() + 1) * 4)
         buckets *= 2;
     GpuBuffer table;
-    if (table.create(context_, (kHashHeaderWords + VkDeviceSize{buckets} * kHashBucketWords) * 4) != VK_SUCCESS)
+    if (table.create(context_, VkDeviceSize{buckets} * kHashBucketWords * 4) != VK_SUCCESS ||
+        (table.address() & kBucketsLog2Mask) != 0)
         return false;
-    table.words()[0] = buckets - 1;
     hashTables_.push_back(std::move(table)); // nothing fails after this
     buckets_ = buckets;
     usedBuckets_ = 0;
     for (const auto &[reference, descriptor] : descriptors_)
         insertBucket(reference, descriptor.pool->location(descriptor.index).address);
     fenceBeforePublishing();
-    store64(root_.words() + kRootHashTable, hashTables_.back().address());
+    store64(root_.words() + kRootHashTable,
+            hashTables_.back().address() | static_cast<uint32_t>(std::countr_zero(buckets)));
     return true;
 }
 

@@ -45,38 +45,39 @@ void storeDescriptor(uvec2 address, Descriptor descriptor)
     c.w[7] = descriptor.extra.y;
 }
 
-// A pair that the host writes at once. The shader may read one word after the other, and repeats this until it reads the same
-// pair twice: the pair never returns to an earlier value.
-uvec2 changingPair(uvec2 address, uint i)
+// The pair of the root that leads to the hash table, and changes when the table grows. The host writes it at once, but the
+// shader may read one word after the other, and repeats this until it reads the same pair twice: the pair never returns to an
+// earlier value.
+uvec2 hashTable(uvec2 root)
 {
-    uvec2 pair = changingPairAt(address, i);
-    for (;;) {
-        const uvec2 again = changingPairAt(address, i);
-        if (again == pair)
-            return pair;
+    uvec2 pair = changingPairAt(root, kRootHashTable / 2u);
+    uvec2 again = changingPairAt(root, kRootHashTable / 2u);
+    while (again != pair) {
         pair = again;
+        again = changingPairAt(root, kRootHashTable / 2u);
     }
+    return pair;
 }
 
-// Address of the descriptor of a key in the hash table (core/records.h) that the root table leads to; 0: not found. The table
-// always has an empty bucket.
-uvec2 findDescriptor(uvec2 root, uvec2 key)
+// Address of the descriptor of a key in the hash table (core/records.h); 0: not found. The table always has an empty bucket.
+uvec2 findDescriptor(uvec2 table, uvec2 key)
 {
-    const uvec2 table = changingPair(root, kRootHashTable / 2u); // changes when the table grows
-    const uint mask = Words(table).w[0];
+    const uint mask = ~(~0u << (table.x & kBucketsLog2Mask));
+    const uvec2 buckets = uvec2(table.x & ~kBucketsLog2Mask, table.y);
     uint bucket = hashReference(key.x, key.y);
-    uint at;
     uvec2 found;
+    uvec2 descriptor;
     // Read twice: the halves of two other keys, of which one has replaced the other, may look like this key.
     uvec2 again;
     do {
-        at = (bucket & mask) * (kHashBucketWords / 2u) + kHashHeaderWords / 2u;
-        found = changingPairAt(table, at);
-        again = changingPairAt(table, at);
+        const uint at = (bucket & mask) * (kHashBucketWords / 2u);
+        found = changingPairAt(buckets, at);
+        descriptor = changingPairAt(buckets, at + 1u);
+        again = changingPairAt(buckets, at);
         ++bucket;
     } while ((found != key || again != key) && (found.x | found.y) != 0u);
     const bool isKey = (found.x | found.y) != 0u && (found.x & found.y) != ~0u; // of no empty or deleted bucket
-    return isKey ? pairAt(table, at + 1u) : uvec2(0);
+    return isKey ? descriptor : uvec2(0);
 }
 
 uvec2 addressMinus(uvec2 a, uvec2 b)

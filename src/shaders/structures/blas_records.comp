@@ -61,7 +61,7 @@ uvec2 tailAddress()
 void main()
 {
     const uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
-    const uint triangle = group * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+    const uint triangle = group * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
 
     uint micromapTriangles = 0u;
     uint dataUnits = 0u;

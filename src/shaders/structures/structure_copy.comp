@@ -19,7 +19,7 @@ layout(push_constant, std430) uniform Push
 
 void main()
 {
-    const uint me = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+    const uint me = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
     const uint all = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
 
     Descriptor source = loadDescriptor(push.sourceDescriptor);

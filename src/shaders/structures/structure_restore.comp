@@ -190,7 +190,7 @@ uvec2 micromapInHeader(uint number, uint named, uint offset, uint units)
     if (number < named) {
         Words at = Words(addressPlus(push.blob, kBlockAddresses * 4u + number * 8u));
         const uvec2 address = uvec2(at.w[0], at.w[1]);
-        const uvec2 descriptor = findDescriptor(push.root, addressPlus(address, kMicromapKey));
+        const uvec2 descriptor = findDescriptor(hashTable(push.root), addressPlus(address, kMicromapKey));
         if (any(notEqual(descriptor, uvec2(0))) && loadDescriptor(descriptor).kind == kDescriptorMicromap && fits(offset, units, loadDescriptor(descriptor).units))
             return address;
     }
@@ -271,7 +271,7 @@ void copyUnits(uvec2 from, uvec2 to, uint units, uint me, uint all)
 
 void main()
 {
-    const uint me = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+    const uint me = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
     const uint all = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
     kind = push.pass == kPassCheck ? kindOfData() : Words(push.staging).w[kPlanKind];
     switch (push.pass) {

@@ -189,7 +189,7 @@ void copy(uint me, uint all)
 
 void main()
 {
-    const uint me = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+    const uint me = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
     if (push.pass == 0u) {
         if (me == 0u)
             plan();

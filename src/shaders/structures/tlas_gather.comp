@@ -47,7 +47,7 @@ uvec2 sourceOf(uint i, Descriptor copied)
 
 void main()
 {
-    const uint i = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+    const uint i = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
     Descriptor copied = Descriptor(uvec2(0), kDescriptorTop, 0u, push.count, 0u, uvec2(0));
     if (isCopy()) {
         copied = loadDescriptor(push.source);

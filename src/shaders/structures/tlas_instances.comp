@@ -3,8 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Writes the instances in the tail of a top-level structure, which the driver builds from: those of the application, with the
 // slot in place of the custom index, and without the flags that would keep hits from the shader. Writes the instance records.
-// Every driver compiles this shader for a first build, so it has few branches: values are chosen, and what is chosen from is
-// loaded in any case.
+// Every driver compiles this shader for a first build, so it has few branches: most values are chosen.
 #include "shared.h"
 #include "opacity.h"
 #include "records.h"
@@ -27,7 +26,10 @@ bool isIn(uint kinds, uint kind)
 
 void main()
 {
-    const uint i = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
+    // Loaded before the first branch, where a CPU driver loads once what is the same for all invocations.
+    const uvec2 table = hashTable(push.root);
+    const uint greatestOffset = Words(push.counters).w[kGreatestRecordOffset];
+    const uint i = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
     if (i >= push.count)
         return;
     const uvec2 target = addressPlus(push.tail, i * kInstanceBytes);
@@ -39,7 +41,7 @@ void main()
     uvec2 words = pairAt(source, kIndexPair);
     const uvec2 reference = pairAt(source, kReferencePair);
 
-    const uvec2 descriptor = findDescriptor(push.root, reference);
+    const uvec2 descriptor = findDescriptor(table, reference);
     const bool known = any(notEqual(descriptor, uvec2(0)));
     const uvec2 stated = known ? descriptorWords(descriptor) : push.root; // core/records.h
     const uint kindWord = Words(stated).w[2];
@@ -51,13 +53,14 @@ void main()
     const uint flags = words.y >> kFlagsByte;
     const uint someFlags = flags >> kInstanceFlagsShift & kInstanceFlagsMask;
     const uint shift = recorded ? (someFlags & 7u) * 8u : 0u;
-    const uint table = (shift < 32u ? push.hitTables.x : push.hitTables.y) >> (shift & 31u) << kHitTableShift;
-    const uvec2 geometries = recorded ? pairAt(stated, 0u) : push.root;
-    const uint onlyGeometry = Words(geometries).w[0];
-    const uint triangles = Words(stated).w[4] == 1u ? onlyGeometry : kManyGeometries | kManyGeometriesMask;
-    const uint looked = (flags & kInstanceDisableMicromaps) != 0u ? kInstanceWithoutMicromaps : triangles;
-    uvec2 record = uvec2(table, recorded ? looked : 0u);
-    uvec2 records = recorded ? geometries : uvec2(flags & kHiddenFlags, 0u);
+    uvec2 record = uvec2((shift < 32u ? push.hitTables.x : push.hitTables.y) >> (shift & 31u) << kHitTableShift, 0u);
+    uvec2 records = uvec2(flags & kHiddenFlags, 0u);
+    if (recorded) {
+        records = pairAt(stated, 0u);
+        const uint onlyGeometry = Words(records).w[0];
+        const uint triangles = Words(stated).w[4] == 1u ? onlyGeometry : kManyGeometries | kManyGeometriesMask;
+        record.y = (flags & kInstanceDisableMicromaps) != 0u ? kInstanceWithoutMicromaps : triangles;
+    }
     if (boxes) {
         record.x = kInstanceBoxes | someFlags << kInstanceBoxFlagsShift;
         records = uvec2(Words(stated).w[7], kInstanceNoRecords);
@@ -66,16 +69,18 @@ void main()
     storePair(push.records, 2u * i, record);
     storePair(push.records, 2u * i + 1u, records);
 
-    Words counters = Words(push.counters);
-    if (isIn(push.wrongKinds, kind) && any(notEqual(reference, uvec2(0)))) {
-        atomicAdd(counters.w[kind == kDescriptorUnbuilt ? push.unbuiltError : push.unknownError], 1u);
-        memoryBarrierBuffer();
-        atomicAdd(counters.w[kGpuErrorTotal], 1u);
-    }
+    const bool wrong = isIn(push.wrongKinds, kind) && any(notEqual(reference, uvec2(0)));
     // The driver reads hit records of all instances, so the layer's copies of hit tables must be large enough (hit_records.comp).
     const uint offset = words.y & kRecordOffsetMask;
-    if (offset > counters.w[kGreatestRecordOffset])
+    if (wrong || offset > greatestOffset) {
+        Words counters = Words(push.counters);
         atomicMax(counters.w[kGreatestRecordOffset], offset);
+        if (wrong) {
+            atomicAdd(counters.w[kind == kDescriptorUnbuilt ? push.unbuiltError : push.unknownError], 1u);
+            memoryBarrierBuffer();
+            atomicAdd(counters.w[kGpuErrorTotal], 1u);
+        }
+    }
 
     words.x = words.x & ~kCustomIndexMask | push.firstSlot + i;
     // FORCE_OPAQUE would make the driver commit hits that the micromap ignores.
