@@ -20,7 +20,6 @@
 #include "layer/validation/model/contents.h"
 #include "layer/validation/model/descriptors.h"
 #include "layer/validation/model/structure_records.h"
-#include "spirv/module/micromap_mode.h"
 #include "vk/newer.h"
 
 namespace vellum::layer
@@ -330,12 +329,6 @@ struct ValidatedImage {
     uint32_t arrayLayers = 0;
 };
 
-struct ValidatedPipelines {
-    // Entry points of modules with the execution mode OpacityMicromapIdKHR.
-    HandleMap<VkShaderModule, std::shared_ptr<const std::vector<spirv::EntryPoint>>> modules;
-    HandleMap<VkPipeline, std::optional<VkFlags64>> libraries; // their flags
-};
-
 struct ValidatedCommandPool {
     uint32_t family = 0;
     bool isProtected = false;
@@ -357,7 +350,9 @@ struct ValidatedObjects {
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<ValidatedStructure>> structures;
     HandleMap<VkMicromapEXT, std::shared_ptr<ValidatedStructure>> micromaps;
     HandleMap<VkImage, std::shared_ptr<const ValidatedImage>> images;
-    ValidatedPipelines pipelines;
+    // Words of modules that trace rays, or have an entry point with the execution mode OpacityMicromapIdKHR.
+    HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> modules;
+    HandleMap<VkPipeline, std::optional<VkFlags64>> libraries; // flags of pipeline libraries
     DescriptorTracker descriptors;
     HandleMap<VkQueue, uint32_t> queueFamilies;
     HandleMap<VkCommandPool, ValidatedCommandPool> commandPools;
