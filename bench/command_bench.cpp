@@ -20,7 +20,7 @@
 #include "cli/bench/timing.h"
 #include "cli/render_command.h"
 #include "command_cases.h"
-#include "gpu/layer_path.h"
+#include "gpu/instance.h"
 
 namespace
 {

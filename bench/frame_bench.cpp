@@ -8,7 +8,7 @@
 #include "base/progress.h"
 #include "cli/bench/timing.h"
 #include "cli/render_command.h"
-#include "gpu/layer_path.h"
+#include "gpu/instance.h"
 #include "scene_bench.h"
 
 namespace

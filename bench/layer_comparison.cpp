@@ -6,7 +6,7 @@
 #include <CLI/CLI.hpp>
 
 #include "cli/bench/timing.h"
-#include "gpu/layer_path.h"
+#include "gpu/instance.h"
 
 namespace vellum::bench
 {

@@ -9,7 +9,7 @@
 #include "core/curve.h"
 #include "core/lossy.h"
 #include "core/micromap_memory.h"
-#include "gpu/layer_path.h"
+#include "gpu/instance.h"
 #include "scene_bench.h"
 
 namespace

@@ -16,7 +16,7 @@
 
 #include "base/statistics.h"
 #include "core/micromap.h"
-#include "gpu/layer_path.h"
+#include "gpu/instance.h"
 #include "gpu/scene.h"
 
 namespace

@@ -12,7 +12,7 @@
 #include "base/statistics.h"
 #include "cli/bench/timing.h"
 #include "cli/render_command.h"
-#include "gpu/layer_path.h"
+#include "gpu/instance.h"
 #include "render/baked_scene.h"
 
 namespace

@@ -14,7 +14,7 @@
 #include "core/curve.h"
 #include "gpu/device.h"
 #include "process_times.h"
-#include "render/texture.h"
+#include "render/world.h"
 #include "vellum/gpu_bake.h"
 #include "vk/vk_init.h"
 

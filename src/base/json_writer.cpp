@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdio>
 
-#include "base/real_text.h"
 #include "base/text.h"
 
 namespace vellum

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdio>
 #include <cstdlib>
@@ -167,6 +168,22 @@ double textWidth(std::string_view text, uint32_t size)
         ++characters;
     }
     return 0.58 * size * static_cast<double>(characters);
+}
+
+void fillRectangle(Picture &picture, int64_t x, int64_t y, int64_t width, int64_t height, uint32_t color)
+{
+    for (int64_t row = std::max<int64_t>(y, 0); row < std::min<int64_t>(y + height, picture.height); ++row)
+        for (int64_t column = std::max<int64_t>(x, 0); column < std::min<int64_t>(x + width, picture.width); ++column)
+            picture.pixels[static_cast<size_t>(row) * picture.width + static_cast<size_t>(column)] = color;
+}
+
+double roundStep(double step)
+{
+    const double power = std::pow(10, std::floor(std::log10(step)));
+    for (const double factor : {1.0, 2.0, 5.0})
+        if (factor * power >= step)
+            return factor * power;
+    return 10 * power;
 }
 
 std::string fitText(std::string_view text, uint32_t size, double width)

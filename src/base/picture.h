@@ -52,6 +52,12 @@ std::string pngUri(const Picture &picture, Alpha alpha = Alpha::Ignored);
 // Throws Error.
 std::vector<uint8_t> deflated(std::span<const uint8_t> bytes);
 
+// Fills the part of a rectangle that is in the picture.
+void fillRectangle(Picture &picture, int64_t x, int64_t y, int64_t width, int64_t height, uint32_t color);
+
+// The least of 1, 2 and 5 times powers of ten that is not below `step`: between the marks of a scale.
+double roundStep(double step);
+
 // A line of text over a picture.
 struct Label {
     enum class Anchor { Start, Middle, End };

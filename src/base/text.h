@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Text: UTF-8, patterns of names, and what people read.
+// Text: UTF-8, patterns of names, numbers, and what people read.
 #pragma once
 
+#include <charconv>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 namespace vellum
@@ -37,6 +39,13 @@ std::string counted(uint64_t number, const char *one, const char *many = nullptr
 // 0.125 -> 12.5 %
 std::string percent(double share);
 
+// A line for each row, with its columns aligned: the first `left` to the left, the others to the right. Rows have as
+// many cells as the first, or fewer.
+std::string alignedRows(std::span<const std::vector<std::string>> rows, size_t left, std::string_view indent);
+
+// A word of a shell's command.
+std::string shellWord(const std::string &text);
+
 // The parts of a list that are not empty.
 std::vector<std::string> partsOf(const std::string &list, char separator);
 
@@ -46,10 +55,37 @@ std::string base64Encoded(std::span<const uint8_t> bytes);
 // Text of an element of HTML or SVG, or of an attribute in double quotes; invalid UTF-8 becomes U+FFFD.
 std::string markupText(std::string_view text);
 
+// The number that all of a text is.
+template <typename Number>
+std::optional<Number> parseNumber(std::string_view text)
+{
+    Number number{};
+    const char *end = text.data() + text.size();
+    const auto [last, error] = std::from_chars(text.data(), end, number);
+    return error == std::errc() && last == end ? std::optional(number) : std::nullopt;
+}
+
 // "0x0123456789abcdef": numbers of 64 bits are strings in JSON.
 std::string hexadecimal(uint64_t number);
 std::optional<uint64_t> parseHexadecimal(std::string_view text);
 // "00ff": two digits for each byte.
 std::string hexOf(std::span<const uint8_t> bytes);
+
+// The shortest text that is read as the same number, which must be finite; in the shorter of both notations.
+std::string shortestText(double number);
+std::string shortestText(float number);
+
+// The number that all of a text is, in the grammar of JSON. 0 where it is closer to 0 than any other double; nothing
+// where it is none, or larger than all of them.
+std::optional<double> parseReal(std::string_view text);
+
+// The library of clang 14 has neither std::to_chars nor std::from_chars for these. The functions of this namespace give
+// the same results by those of C, and need the locale "C".
+namespace plain
+{
+std::string shortestText(double number);
+std::string shortestText(float number);
+std::optional<double> parseReal(std::string_view text);
+} // namespace plain
 
 } // namespace vellum

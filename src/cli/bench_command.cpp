@@ -140,11 +140,6 @@ private:
     std::vector<PartResult> results_;
 };
 
-void write(const std::filesystem::path &path, const std::string &text)
-{
-    writeWhole(path, {reinterpret_cast<const uint8_t *>(text.data()), text.size()});
-}
-
 } // namespace
 
 int benchCommand(const BenchOptions &options)
@@ -165,8 +160,8 @@ int benchCommand(const BenchOptions &options)
     run.measure(implementations);
     const std::vector<std::string> verdict = verdictOf(run.results());
     const std::string json = benchJson(run.results(), verdict, run.elapsed());
-    write(data, json);
-    write(page, benchPage(json));
+    writeWhole(data, json);
+    writeWhole(page, benchPage(json));
     bool complete = selfChecksPassed(run.results());
     for (const PartResult &result : run.results())
         complete = complete && result.failure.empty();

@@ -40,10 +40,7 @@ std::function<int()> declareBenchCommand(CLI::App &app)
     command.add_flag("--force", options->force, "Replace a file that vellum did not write");
     command.option_defaults()->group(kDevice);
     addDeviceOption(command, options->device.device);
-    command
-        .add_option("--layer-path", options->device.layerFolder,
-                    "Folder of the layer's manifest, instead of the one installed with this program")
-        ->type_name("FOLDER");
+    addLayerPathOption(command, options->device.layerFolder);
     command.option_defaults()->group(kSelection);
     command.add_option("--seconds", options->seconds, "How long it may take, about [180]")
         ->check(between(0.1, 86400))

@@ -15,14 +15,13 @@
 #include "base/progress.h"
 #include "base/text.h"
 #include "cli/base/exit_code.h"
-#include "cli/check/merge.h"
+#include "cli/check/cases.h"
 #include "cli/check/results.h"
 #include "cli/check/runner.h"
-#include "cli/check/schedule.h"
 #include "cli/check/worker.h"
 #include "cli/options/options.h"
 #include "core/utf8_path.h"
-#include "gpu/layer_path.h"
+#include "gpu/instance.h"
 #include "inspect/report_parts.h"
 
 namespace vellum::cli
@@ -204,9 +203,9 @@ void publish(const CheckOptions &options, const OutputFolder &folder, const RunF
     std::fflush(stdout);
     tryToWrite(error, [&] { folder.writeResults(facts, results); });
     if (options.results)
-        tryToWrite(error, [&] { writeText(*options.results, resultsCsv(results)); });
+        tryToWrite(error, [&] { writeWhole(*options.results, resultsCsv(results)); });
     if (options.junit)
-        tryToWrite(error, [&] { writeText(*options.junit, junitXml(facts, results)); });
+        tryToWrite(error, [&] { writeWhole(*options.junit, junitXml(facts, results)); });
     if (!error.empty())
         throw Error(error);
 }

@@ -119,10 +119,7 @@ void declareDevice(CLI::App &command, CheckOptions &options)
     takesWords(*command.add_option("--implementation", options.implementation,
                                    "Who implements micromaps, as the layer's setting of that name [auto]"),
                {"auto", "driver", "ext", "emulated"});
-    command
-        .add_option("--layer-path", options.layerFolder,
-                    "Folder of the layer's manifest, instead of the one installed with this program")
-        ->type_name("FOLDER");
+    addLayerPathOption(command, options.layerFolder);
     command.add_option("-j,--jobs", options.jobs, "Worker processes at a time [one for each processor, at most 4]")
         ->check(wholeBetween(1, 256))
         ->type_name("COUNT");

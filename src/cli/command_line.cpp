@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/command_line.h"
+#include "cli/options/commands.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -11,7 +11,6 @@
 #include "base/version.h"
 #include "cli/base/exit_code.h"
 #include "cli/options/cli11.h"
-#include "cli/options/commands.h"
 #include "cli/options/options.h"
 #include "core/utf8_path.h"
 #include "gltf/micromaps/stored_micromaps.h"

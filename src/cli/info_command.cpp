@@ -115,11 +115,8 @@ std::function<int()> declareInfoCommand(CLI::App &app)
     command.option_defaults()->group(kOutput);
     command.add_flag("-v,--verbose", options->verbose, "Do not cut off long lists");
     command.add_flag("--json", options->json, "Print JSON");
-    command
-        .add_option("--layer-path", options->layerFolder,
-                    "Folder of the layer's manifest, instead of the one installed with this program")
-        ->type_name("FOLDER")
-        ->group(kDevice);
+    command.option_defaults()->group(kDevice);
+    addLayerPathOption(command, options->layerFolder);
     command.add_flag("-q,--quiet", options->quiet, "Print errors only")->group(kGeneral);
     return [options] {
         if (options->quiet && !options->json)

@@ -16,9 +16,9 @@
 #include "cli/options/options.h"
 #include "core/utf8_path.h"
 #include "inspect/comparison.h"
+#include "inspect/inspected_file.h"
 #include "inspect/page.h"
 #include "inspect/report_parts.h"
-#include "inspect/tally.h"
 #include "inspect/uv_picture.h"
 
 namespace vellum::cli
@@ -258,11 +258,6 @@ void finishInspect(InspectOptions &options)
             checkWritable(*path, options.force);
 }
 
-void writePage(const InspectOptions &options, const std::string &page, std::optional<DataOutput> &data)
-{
-    writeData(*options.html, {reinterpret_cast<const uint8_t *>(page.data()), page.size()}, data);
-}
-
 inspect::InspectedFile inspectFile(const InspectOptions &options, const Document &document)
 {
     return withinMemory(document.path(), [&] {
@@ -288,7 +283,7 @@ int compareCommand(const InspectOptions &options, std::optional<DataOutput> &dat
     exclusions.print();
     const inspect::Comparison comparison = inspect::compare(files[0], files[1]);
     if (options.html)
-        writePage(options, inspect::pageOf(comparison), data);
+        writeData(*options.html, inspect::pageOf(comparison), data);
     if (options.json) {
         JsonWriter json;
         beginReport(json, "inspect");
@@ -326,16 +321,14 @@ int inspectCommand(InspectOptions &options)
     if (options.picture) {
         const ProgressLine progress("drawing");
         const LabelledPicture drawing = inspect::drawUvSpace(file, options.drawing);
-        if (suffixOf(*options.picture) == ".svg") {
-            const std::string svg = encodeSvg(drawing);
-            writeData(*options.picture, {reinterpret_cast<const uint8_t *>(svg.data()), svg.size()}, data);
-        } else {
+        if (suffixOf(*options.picture) == ".svg")
+            writeData(*options.picture, encodeSvg(drawing), data);
+        else
             writeData(*options.picture, encodePng(drawing.picture), data);
-        }
     }
     if (options.html) {
         const ProgressLine progress("drawing");
-        writePage(options, inspect::makePage(document, file), data);
+        writeData(*options.html, inspect::makePage(document, file), data);
     }
     if (options.json)
         printJson(options, file);

@@ -8,7 +8,7 @@
 #include "base/error.h"
 #include "base/process.h"
 #include "cli/base/exit_code.h"
-#include "cli/command_line.h"
+#include "cli/options/commands.h"
 
 int main(int argc, char **argv)
 {

@@ -16,7 +16,7 @@
 #include "cli/base/exit_code.h"
 #include "cli/base/files.h"
 #include "core/utf8_path.h"
-#include "gpu/layer_path.h"
+#include "gpu/instance.h"
 #include "inspect/report_parts.h"
 #include "render/baked_scene.h"
 #include "render/grove.h"
@@ -153,8 +153,7 @@ void writeLabelled(const std::filesystem::path &path, const LabelledPicture &lab
 {
     if (suffixOf(path) == ".png" || isStandardStream(path))
         return writePicture(path, labelled.picture, data);
-    const std::string svg = encodeSvg(labelled);
-    writeData(path, {reinterpret_cast<const uint8_t *>(svg.data()), svg.size()}, data);
+    writeData(path, encodeSvg(labelled), data);
     fmt::print("wrote       {}\n", utf8Text(path));
     std::fflush(stdout);
 }

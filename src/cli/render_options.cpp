@@ -166,10 +166,7 @@ void declareDevice(CLI::App &command, RenderOptions &options, RawOptions &raw)
                {"khr", "ext"});
     addDeviceOption(command, options.device);
     command.add_flag("--no-layer", raw.noLayer, "Do not enable the layer");
-    command
-        .add_option("--layer-path", options.layerFolder,
-                    "Folder of the layer's manifest, instead of the one installed with this program")
-        ->type_name("FOLDER");
+    addLayerPathOption(command, options.layerFolder);
 }
 
 // In the folder of the input, or in the current folder.

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // `vellum spirv`
 #include <algorithm>
-#include <charconv>
 #include <cstdio>
 #include <fmt/format.h>
 #include <memory>
 #include <optional>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "cli/base/exit_code.h"
 #include "cli/base/files.h"
 #include "cli/options/cli11.h"
@@ -139,10 +139,10 @@ spirv::ModeEdit editOf(const SpirvOptions &options)
     } else if (options.enable != kAlways) {
         edit.to = spirv::ModeEdit::To::Specialized;
         edit.initial = options.initial == "true";
-        const char *end = options.enable.data() + options.enable.size();
-        const auto [rest, error] = std::from_chars(options.enable.data(), end, edit.constantId);
-        if (error != std::errc{} || rest != end)
+        const auto id = parseNumber<uint32_t>(options.enable);
+        if (!id)
             throw UsageError("--enable-micromaps must be always or a constant id, got " + options.enable);
+        edit.constantId = *id;
     }
     return edit;
 }

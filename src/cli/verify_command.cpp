@@ -80,9 +80,7 @@ void declareVerify(CLI::App &command, VerifyOptions &options)
                         1024);
     command.option_defaults()->group(kGeneral);
     command.add_flag("-q,--quiet", options.quiet, "Print errors only");
-    command.add_option("-j,--threads", options.file.threads, "Number of threads [one for each processor]")
-        ->check(wholeBetween(0, kMostBakeThreads))
-        ->type_name("COUNT");
+    addThreadsOption(command, options.file.threads);
 }
 
 VerifiedFile verifyFile(const std::filesystem::path &path, const VerifyOptions &options)

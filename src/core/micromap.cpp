@@ -81,7 +81,7 @@ std::array<Barycentrics, 3> microTriangleCorners(uint32_t index, uint32_t level)
     return {point(a), point(b), point(c)};
 }
 
-std::vector<MicromapUsage> Micromap::buildUsage() const
+std::vector<MicromapUsage> usageOf(std::span<const MicromapTriangle> triangles)
 {
     std::map<UsageKey, uint32_t> counts;
     for (const MicromapTriangle &t : triangles)
@@ -89,7 +89,8 @@ std::vector<MicromapUsage> Micromap::buildUsage() const
     return toUsages(counts);
 }
 
-std::vector<MicromapUsage> Micromap::geometryUsage() const
+std::vector<MicromapUsage> usageOf(std::span<const MicromapTriangle> triangles, std::span<const int32_t> indices,
+                                   uint32_t baseTriangle)
 {
     std::map<UsageKey, uint32_t> counts;
     for (const int32_t index : indices) {

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -87,18 +88,20 @@ struct MicromapUsage {
     bool operator==(const MicromapUsage &) const = default;
 };
 
+// The number of triangles of each level and format, as a micromap build needs it (pUsageCounts of
+// VkMicromapBuildInfoEXT), sorted by format, then level.
+std::vector<MicromapUsage> usageOf(std::span<const MicromapTriangle> triangles);
+// The same of a geometry with these indices, which must be valid: each triangle counted as often as an index refers to
+// it (VkAccelerationStructureTrianglesOpacityMicromapEXT).
+std::vector<MicromapUsage> usageOf(std::span<const MicromapTriangle> triangles, std::span<const int32_t> indices,
+                                   uint32_t baseTriangle);
+
 struct Micromap {
     std::vector<MicromapTriangle> triangles;
     std::vector<uint8_t> data;
     std::vector<int32_t> indices; // one per geometry triangle: a micromap triangle or a special index
     uint32_t baseTriangle = 0;    // added to every index >= 0
 
-    // The number of triangles of each level and format, as a micromap build needs it (pUsageCounts of
-    // VkMicromapBuildInfoEXT), sorted by format, then level.
-    [[nodiscard]] std::vector<MicromapUsage> buildUsage() const;
-    // The usage counts of the geometry: each triangle counted as often as an index refers to it
-    // (VkAccelerationStructureTrianglesOpacityMicromapEXT).
-    [[nodiscard]] std::vector<MicromapUsage> geometryUsage() const;
     // State at barycentrics (u, v) of geometry triangle `triangle`. The micromap must be valid.
     [[nodiscard]] State stateAt(uint32_t triangle, float u, float v) const;
     // The first violation of the rules of the specification (levels, formats, data bounds, index bounds), naming the

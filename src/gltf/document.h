@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "gltf/data/buffer_views.h"
+#include "gltf/data/accessor.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/model.h"
 

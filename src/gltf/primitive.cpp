@@ -10,7 +10,7 @@
 
 #include "bake/inputs.h"
 #include "gltf/data/accessor.h"
-#include "gltf/data/draco_mesh.h"
+#include "gltf/data/decompress.h"
 
 namespace vellum
 {

@@ -17,7 +17,7 @@
 #include "gltflibrary/options.h"
 #include "library/call.h"
 #include "library/inputs.h"
-#include "library/usage_counts.h"
+#include "library/structures.h"
 
 namespace vellum::library
 {
@@ -99,11 +99,12 @@ std::unique_ptr<VellumGltf> readFile(Source source)
         read->stored = readMicromaps(document);
         const std::vector<StoredMicromap> &micromaps = read->stored.micromaps;
         for (const StoredMicromap &micromap : micromaps)
-            read->usages.push_back(usagesOf(micromap.triangles));
+            read->usages.push_back(libraryUsages(usageOf(micromap.triangles)));
         for (const auto &[place, micromap] : read->stored.primitives)
-            read->primitives.push_back(
-                {place, document.nameOf(place),
-                 usagesOf(micromaps[micromap.micromap].triangles, micromap.indices, micromap.baseTriangle), &micromap});
+            read->primitives.push_back({place, document.nameOf(place),
+                                        libraryUsages(usageOf(micromaps[micromap.micromap].triangles, micromap.indices,
+                                                              micromap.baseTriangle)),
+                                        &micromap});
         return read;
     });
 }

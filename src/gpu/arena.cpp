@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gpu/arena.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <cstring>
 #include <utility>
+
+#include "core/align.h"
 
 namespace vellum::gpu
 {
@@ -13,11 +16,6 @@ namespace
 constexpr VkDeviceSize kGuard = 256;          // of a piece in a buffer of its own
 constexpr VkDeviceSize kBlockBytes = 2 << 20; // of the first buffer; the next ones are larger
 constexpr VkBufferUsageFlags kScratch = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
-
-VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment)
-{
-    return (value + alignment - 1) / alignment * alignment;
-}
 
 } // namespace
 
@@ -257,6 +255,38 @@ std::shared_ptr<Guarded> scratchOf(Device &gpu, SharedScratch *shared, VkDeviceS
 {
     return shared != nullptr ? shared->ofSize(size)
                              : std::make_shared<Guarded>(gpu, size, gpu.scratchAlignment(), kScratch);
+}
+
+std::shared_ptr<Guarded> BuildInputs::upload(const void *content, VkDeviceSize size, VkBufferUsageFlags usage,
+                                             VkDeviceSize alignment)
+{
+    const std::lock_guard lock(mutex_);
+    std::erase_if(shared_, [](const Piece &piece) { return piece.memory.expired(); });
+    const std::span bytes(static_cast<const uint8_t *>(content), static_cast<size_t>(size));
+    for (const Piece &piece : shared_) {
+        const std::shared_ptr<Guarded> memory = piece.memory.lock();
+        if (memory && piece.usage == usage && piece.content.size() >= bytes.size() &&
+            std::equal(bytes.begin(), bytes.end(), piece.content.begin()) && memory->address() % alignment == 0)
+            return memory;
+    }
+    auto memory = std::make_shared<Guarded>(uploadAligned(gpu_, content, size, usage, alignment));
+    if (plan_.aliased)
+        memory->alias(gpu_, usage);
+    if (plan_.shared)
+        shared_.push_back({{bytes.begin(), bytes.end()}, usage, memory});
+    if (plan_.late && memory->bytes() != nullptr) {
+        late_.push_back({{bytes.begin(), bytes.end()}, usage, memory});
+        std::memset(memory->bytes(), 0x5a, bytes.size());
+    }
+    return memory;
+}
+
+void BuildInputs::write()
+{
+    const std::lock_guard lock(mutex_);
+    for (const Piece &piece : std::exchange(late_, {}))
+        if (const std::shared_ptr<Guarded> memory = piece.memory.lock())
+            memory->write(0, piece.content.data(), piece.content.size());
 }
 
 } // namespace vellum::gpu

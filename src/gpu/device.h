@@ -1,12 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A Vulkan device, buffers and command submission.
+// A Vulkan device, buffers and their memory, and command submission.
 #pragma once
-
-#include "gpu/device_selection.h"
-#include "gpu/known_faults.h"
-#include "gpu/memory_pool.h"
-#include "vk/newer.h"
-#include "vk/vk_init.h"
 
 #include <algorithm>
 #include <array>
@@ -23,9 +17,42 @@
 #include <string>
 #include <typeindex>
 #include <vector>
+#include <vulkan/vulkan.h>
+
+#include "gpu/device_selection.h"
+#include "gpu/known_faults.h"
+#include "vk/newer.h"
+#include "vk/vk_init.h"
 
 namespace vellum::gpu
 {
+
+// Gives out memory of a device. Small pieces share allocations: a device may allow no more than 4,096 of them
+// (maxMemoryAllocationCount).
+class MemoryPool
+{
+public:
+    class Block;
+    struct Piece {
+        VkDeviceMemory memory = VK_NULL_HANDLE;
+        VkDeviceSize offset = 0;
+        Block *block = nullptr;
+    };
+
+    explicit MemoryPool(VkDevice device);
+    // When all is freed, before the device is destroyed.
+    ~MemoryPool();
+    MemoryPool(const MemoryPool &) = delete;
+    MemoryPool &operator=(const MemoryPool &) = delete;
+
+    // Memory for buffers with a device address. Throws VulkanError.
+    Piece allocate(const VkMemoryRequirements &requirements, uint32_t type);
+    void free(const Piece &piece);
+
+private:
+    VkDevice device_;
+    std::vector<std::unique_ptr<Block>> blocks_;
+};
 
 // Where Guarded memory is (arena.h): each piece in a buffer of its own, or all packed in few buffers, where handles are
 // as large as their objects, or reach to the end of the buffer and are GENERIC as far as the API allows. DeviceLocal:

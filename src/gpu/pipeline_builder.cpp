@@ -72,7 +72,7 @@ PipelineInfo::PipelineInfo(Device &gpu, const PipelineSetup &setup) : gpu_(gpu),
                                                        .layout = setup.layout,
                                                        .basePipelineIndex = -1});
     if (!setup.flags2)
-        info_.flags = setup.flags;
+        info_.flags = static_cast<VkPipelineCreateFlags>(setup.flags);
     chainInfos(setup);
     if (!libraries_.empty() || (setup.flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0) {
         interface_ = vkInit<VkRayTracingPipelineInterfaceCreateInfoKHR>(

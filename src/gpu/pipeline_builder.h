@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "gpu/launch_plan.h"
+#include "gpu/launch.h"
 
 namespace vellum::gpu
 {
@@ -47,7 +47,7 @@ struct PipelineSetup {
     std::vector<PipelineStage> stages;
     std::vector<PipelineGroup> groups;
     VkPipelineLayout layout = VK_NULL_HANDLE;
-    VkPipelineCreateFlags flags = 0;
+    VkFlags64 flags = 0;
     bool flags2 = false;  // the flags come in VkPipelineCreateFlags2CreateInfo
     uint32_t chained = 0; // bits of ChainedInfo
     uint32_t recursion = 1;

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <array>
 
-#include "gpu/bindings.h"
+#include "gpu/launch.h"
 #include "shaders/pipeline_decoy_any_hit.h"
 #include "shaders/pipeline_decoy_closest_hit.h"
 #include "shaders/pipeline_decoy_intersection.h"

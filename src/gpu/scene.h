@@ -4,7 +4,6 @@
 #pragma once
 
 #include "gpu/arena.h"
-#include "gpu/build_inputs.h"
 #include "gpu/micromap_commands.h"
 #include "gpu/vertex_format.h"
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "gpu/bindings.h"
+#include "gpu/launch.h"
 #include "shaders/tracer_comp.h"
 
 namespace vellum::gpu

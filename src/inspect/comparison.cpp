@@ -6,8 +6,9 @@
 #include <map>
 
 #include "base/text.h"
-#include "inspect/plain_page.h"
-#include "inspect/tally.h"
+#include "inspect/inspected_file.h"
+#include "inspect/page.h"
+#include "inspect/report_parts.h"
 
 namespace vellum::inspect
 {
@@ -132,34 +133,21 @@ Comparison compare(const InspectedFile &first, const InspectedFile &second)
 
 std::string textOf(const Comparison &comparison)
 {
-    using Line = std::array<std::string, 7>;
-    std::vector<Line> lines = {{"", kHeads[0], "", kHeads[2], "", kHeads[4], ""},
-                               {"", "first", "second", "first", "second", "first", "second"}};
+    std::vector<std::vector<std::string>> rows = {{"", kHeads[0], "", kHeads[2], "", kHeads[4], ""},
+                                                  {"", "first", "second", "first", "second", "first", "second"}};
     const auto add = [&](const ComparedPart &part, const std::string &indent) {
         const std::array<std::string, 6> cells = cellsOf(part);
-        Line &line = lines.emplace_back();
-        line[0] = indent + part.name;
-        std::copy(cells.begin(), cells.end(), line.begin() + 1);
+        rows.push_back({indent + part.name});
+        rows.back().insert(rows.back().end(), cells.begin(), cells.end());
     };
     add(comparison.all, "");
-    lines.push_back({"by material"});
+    rows.push_back({"by material"});
     for (const ComparedPart &part : comparison.materials)
         add(part, "  ");
-    lines.push_back({"by mesh"});
+    rows.push_back({"by mesh"});
     for (const ComparedPart &part : comparison.meshes)
         add(part, "  ");
-    std::array<size_t, 7> widths{};
-    for (const Line &line : lines)
-        for (size_t i = 0; i < widths.size(); ++i)
-            widths[i] = std::max(widths[i], line[i].size());
-    std::string text = fmt::format("first: {}\nsecond: {}\n", comparison.files[0], comparison.files[1]);
-    for (const Line &line : lines) {
-        std::string row = fmt::format("{:<{}}", line[0], widths[0]);
-        for (size_t i = 1; i < widths.size(); ++i)
-            row += fmt::format("  {:>{}}", line[i], widths[i]);
-        text += row.substr(0, row.find_last_not_of(' ') + 1) + "\n";
-    }
-    return text;
+    return fmt::format("first: {}\nsecond: {}\n{}", comparison.files[0], comparison.files[1], alignedRows(rows, 1, ""));
 }
 
 std::string pageOf(const Comparison &comparison)
@@ -211,11 +199,8 @@ void write(const Comparison &comparison, JsonWriter &json)
             json.beginObject().key("known");
             bake->known ? json.value(*bake->known) : json.null();
             json.member("bytes", bake->bytes).member("triangles", bake->triangles);
-            json.key("levels").beginObject();
-            for (size_t level = 0; level < bake->levels.size(); ++level)
-                if (bake->levels[level] != 0)
-                    json.member(std::to_string(level), bake->levels[level]);
-            json.end().end();
+            writeLevels(bake->levels, json);
+            json.end();
         }
         json.end();
     };

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "inspect/report_parts.h"
 
+#include <algorithm>
+
 #include "base/text.h"
 #include "gltf/data/decompress.h"
 #include "gltf/data/image.h"
@@ -11,6 +13,18 @@ namespace vellum
 void beginReport(JsonWriter &json, const char *command)
 {
     json.beginObject().member("schema", kReportSchema).member("command", command);
+}
+
+std::string levelsText(std::span<const uint64_t> counts)
+{
+    const auto used = [](uint64_t count) { return count != 0; };
+    const auto first = std::find_if(counts.begin(), counts.end(), used);
+    if (first == counts.end())
+        return "-";
+    const std::string low = std::to_string(first - counts.begin());
+    const std::string high =
+        std::to_string(std::find_if(counts.rbegin(), counts.rend(), used).base() - counts.begin() - 1);
+    return low == high ? low : low + "-" + high;
 }
 
 std::string describe(const SurfaceShares &surface)

@@ -2,6 +2,7 @@
 // Parts that the reports of several subcommands share: schema.json describes the JSON.
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <optional>
 #include <span>
@@ -33,6 +34,20 @@ void writeStates(const char *name, const Values &values, JsonWriter &json)
         json.member(kStateNames[s], values[s]);
     json.end();
 }
+
+// An object with a member for each level that has some.
+template <typename Counts>
+void writeLevels(const Counts &counts, JsonWriter &json)
+{
+    json.key("levels").beginObject();
+    for (size_t level = 0; level < counts.size(); ++level)
+        if (counts[level] != 0)
+            json.member(std::to_string(level), counts[level]);
+    json.end();
+}
+
+// The levels that have some, as "5" or "2-7", or "-".
+std::string levelsText(std::span<const uint64_t> counts);
 
 inline constexpr const char *kTwoStatesText =
     "2 states: approximate, as outlines follow the micro-triangles and no shader refines them";

@@ -7,7 +7,7 @@
 
 #include "base/picture.h"
 #include "base/text.h"
-#include "inspect/tally.h"
+#include "inspect/inspected_file.h"
 
 namespace vellum::inspect
 {
@@ -293,13 +293,6 @@ struct Panel {
     Tally tally;
 };
 
-void fill(Picture &picture, int x, int y, int width, int height, uint32_t color)
-{
-    for (int row = std::max(y, 0); row < std::min(y + height, static_cast<int>(picture.height)); ++row)
-        for (int column = std::max(x, 0); column < std::min(x + width, static_cast<int>(picture.width)); ++column)
-            picture.pixels[static_cast<size_t>(row) * picture.width + static_cast<size_t>(column)] = color;
-}
-
 void copy(Picture &to, const Picture &from, int x, int y)
 {
     for (size_t row = 0; row < from.height; ++row)
@@ -325,17 +318,6 @@ UvWindow windowOf(const InspectedFile &file, uint32_t material, const UvPictureO
     return window;
 }
 
-// 1, 2 or 5 times a power of ten, so that there is a mark about every 90 pixels.
-double markStep(double scale)
-{
-    const double wanted = 90 / scale;
-    const double power = std::pow(10, std::floor(std::log10(wanted)));
-    for (const double factor : {1.0, 2.0, 5.0})
-        if (factor * power >= wanted)
-            return factor * power;
-    return 10 * power;
-}
-
 std::string markText(double value, double step)
 {
     const int digits = std::clamp(static_cast<int>(std::ceil(-std::log10(step))), 0, 9);
@@ -346,7 +328,7 @@ std::string markText(double value, double step)
 void drawScales(LabelledPicture &drawing, const UvWindow &window, int x, int y)
 {
     Picture &picture = drawing.picture;
-    const double step = markStep(window.scale);
+    const double step = roundStep(90 / window.scale); // a mark about every 90 pixels
     const int width = static_cast<int>(window.width), height = static_cast<int>(window.height);
     const auto forEachMark = [&](double start, int pixels, auto &&draw) {
         const double first = std::ceil(start / step);
@@ -359,16 +341,16 @@ void drawScales(LabelledPicture &drawing, const UvWindow &window, int x, int y)
         }
     };
     forEachMark(window.left, width, [&](int at, const std::string &text) {
-        fill(picture, x + at, y + height, 1, 6, rgb(kFaint));
+        fillRectangle(picture, x + at, y + height, 1, 6, rgb(kFaint));
         drawing.labels.push_back({x + at + 0.5, y + height + 20.0, text, kSmall, kFaint, Label::Anchor::Middle});
     });
     forEachMark(window.top, height, [&](int at, const std::string &text) {
-        fill(picture, x - 6, y + at, 6, 1, rgb(kFaint));
+        fillRectangle(picture, x - 6, y + at, 6, 1, rgb(kFaint));
         drawing.labels.push_back({x - 10.0, y + at + 5.0, text, kSmall, kFaint, Label::Anchor::End});
     });
     for (const auto &[dx, dy, w, h] : {std::array{-1, -1, width + 2, 1}, std::array{-1, height, width + 2, 1},
                                        std::array{-1, -1, 1, height + 2}, std::array{width, -1, 1, height + 2}})
-        fill(picture, x + dx, y + dy, w, h, rgb(0xb8bcc2));
+        fillRectangle(picture, x + dx, y + dy, w, h, rgb(0xb8bcc2));
 }
 
 void drawPanel(LabelledPicture &drawing, const InspectedFile &file, const Panel &panel, const UvPictureOptions &options,
@@ -405,8 +387,8 @@ int drawLegend(LabelledPicture *drawing, const Tally &tally, int x, int y)
     for (const auto &[state, name] : kNames) {
         const std::string text = fmt::format("{}  {}", name, percent(tally.states[static_cast<size_t>(state)]));
         if (drawing != nullptr) {
-            fill(drawing->picture, x, y, 16, 16, rgb(0x50545a));
-            fill(drawing->picture, x + 1, y + 1, 14, 14, rgb(kStateColors[static_cast<size_t>(state)]));
+            fillRectangle(drawing->picture, x, y, 16, 16, rgb(0x50545a));
+            fillRectangle(drawing->picture, x + 1, y + 1, 14, 14, rgb(kStateColors[static_cast<size_t>(state)]));
             drawing->labels.push_back({x + 24.0, y + 13.0, text, kNormal, kInk});
         }
         x += 24 + static_cast<int>(textWidth(text, kNormal)) + 28;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lists of files to work on, as programs write them: `INPUT` or `INPUT<TAB>OUTPUT` in each line.
+// The files of a job over many files: their list, as programs write it, `INPUT` or `INPUT<TAB>OUTPUT` in each line, and
+// what outputs depend on, for Make and Ninja.
 #pragma once
 
 #include <filesystem>
@@ -22,5 +23,9 @@ std::vector<ListedFile> parseFileList(const std::string &text, const std::string
 
 // The error of a line.
 std::string lineError(const std::string &name, size_t line, const std::string &what);
+
+// A rule of a depfile, escaped as compilers do it, and one without dependencies for each dependency, so that Make goes
+// on where one no longer exists. Throws Error for a name that the syntax cannot express.
+std::string depfileRule(const std::filesystem::path &output, const std::vector<std::filesystem::path> &dependencies);
 
 } // namespace vellum::job

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "job/shard.h"
 
-#include <charconv>
+#include <algorithm>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "core/hash.h"
 
 namespace vellum::job
@@ -12,15 +13,12 @@ namespace vellum::job
 Shard parseShard(const std::string &text)
 {
     constexpr uint32_t kMostShards = 1000000;
-    Shard shard;
-    const char *end = text.data() + text.size();
-    const auto number = std::from_chars(text.data(), end, shard.number);
-    const bool divided = number.ec == std::errc() && number.ptr != end && *number.ptr == '/';
-    const auto count = std::from_chars(divided ? number.ptr + 1 : end, end, shard.count);
-    if (!divided || count.ec != std::errc() || count.ptr != end || shard.number == 0 || shard.number > shard.count ||
-        shard.count > kMostShards)
+    const size_t slash = std::min(text.find('/'), text.size());
+    const auto number = parseNumber<uint32_t>(text.substr(0, slash));
+    const auto count = parseNumber<uint32_t>(text.substr(std::min(slash + 1, text.size())));
+    if (!number || !count || *number == 0 || *number > *count || *count > kMostShards)
         throw UsageError("--shard must be K/N with K from 1 to N, and N at most 1000000, got " + text);
-    return shard;
+    return {*number, *count};
 }
 
 bool isInShard(const std::filesystem::path &name, const Shard &shard)

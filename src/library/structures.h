@@ -5,11 +5,15 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <cstring>
+#include <span>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "bake/option_ranges.h"
+#include "core/micromap.h"
 #include "vellum/vellum.h"
 
 namespace vellum::library
@@ -113,6 +117,24 @@ void fill(T *given, T values)
     values.structSize = size;
     std::memset(given, 0, size);
     std::memcpy(given, &values, std::min(size, sizeof(T)));
+}
+
+static_assert(sizeof(VellumMicromapTriangle) == sizeof(MicromapTriangle));
+// Both structures have the same layout, as their comments state.
+inline const VellumMicromapTriangle *trianglesOf(std::span<const MicromapTriangle> triangles)
+{
+    return reinterpret_cast<const VellumMicromapTriangle *>(triangles.data());
+}
+
+static_assert(static_cast<uint32_t>(Format::TwoState) == VELLUM_MICROMAP_FORMAT_2_STATE &&
+              static_cast<uint32_t>(Format::FourState) == VELLUM_MICROMAP_FORMAT_4_STATE);
+// Usage counts as vellum.h has them.
+inline std::vector<VellumMicromapUsage> libraryUsages(std::span<const MicromapUsage> usages)
+{
+    std::vector<VellumMicromapUsage> all;
+    for (const MicromapUsage &usage : usages)
+        all.push_back({usage.count, usage.subdivisionLevel, static_cast<uint32_t>(usage.format)});
+    return all;
 }
 
 } // namespace vellum::library

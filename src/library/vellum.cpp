@@ -12,7 +12,6 @@
 #include "library/call.h"
 #include "library/inputs.h"
 #include "library/structures.h"
-#include "library/usage_counts.h"
 
 using namespace vellum;
 using namespace vellum::library;
@@ -36,11 +35,11 @@ namespace
 void countUsages(std::span<const BakeInput> inputs, VellumMicromap &made)
 {
     const Micromap &micromap = made.result.micromap;
-    made.usages = usagesOf(micromap.triangles);
+    made.usages = libraryUsages(usageOf(micromap.triangles));
     size_t first = 0;
     for (const BakeInput &input : inputs) {
         const auto indices = std::span(micromap.indices).subspan(first, input.triangles.size());
-        made.geometries.push_back({first, indices.size(), usagesOf(micromap.triangles, indices, 0)});
+        made.geometries.push_back({first, indices.size(), libraryUsages(usageOf(micromap.triangles, indices, 0))});
         first += indices.size();
     }
 }

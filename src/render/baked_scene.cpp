@@ -5,7 +5,7 @@
 #include <map>
 
 #include "gltf/file/gltf_error.h"
-#include "gltf/micromaps/state_counter.h"
+#include "gltf/micromaps/stored_micromaps.h"
 
 namespace vellum::render
 {

@@ -33,24 +33,6 @@ uint32_t fromOklab(double lightness, double a, double b)
     return color;
 }
 
-// A step of 1, 2 or 5 times a power of ten, of which about four make the scale; counts have none below 1.
-float niceStep(float scale)
-{
-    const float rough = std::max(scale / 5, 1e-6f);
-    const float power = std::pow(10.0f, std::floor(std::log10(rough)));
-    for (const float factor : {1.0f, 2.0f, 5.0f})
-        if (factor * power >= rough)
-            return std::max(factor * power, 1.0f);
-    return std::max(10 * power, 1.0f);
-}
-
-void fill(Picture &picture, uint32_t left, uint32_t top, uint32_t width, uint32_t height, uint32_t color)
-{
-    for (uint32_t y = top; y < std::min(top + height, picture.height); ++y)
-        for (uint32_t x = left; x < std::min(left + width, picture.width); ++x)
-            picture.pixels[size_t{y} * picture.width + x] = color;
-}
-
 // A bar with marks, and what they mean, in kHeatFoot pixels from `top` on.
 void drawLegend(LabelledPicture &drawing, uint32_t top, float scale, const std::string &what)
 {
@@ -62,13 +44,14 @@ void drawLegend(LabelledPicture &drawing, uint32_t top, float scale, const std::
     };
     const uint32_t bar = std::max(std::min(picture.width, 300u), 2 * kMargin + 2) - 2 * kMargin;
     for (uint32_t x = 0; x < bar; ++x)
-        fill(picture, kMargin + x, top, 1, kThick,
-             heatColor(static_cast<float>(x) / static_cast<float>(std::max(bar - 1, 1u))));
-    const float step = niceStep(scale);
+        fillRectangle(picture, kMargin + x, top, 1, kThick,
+                      heatColor(static_cast<float>(x) / static_cast<float>(std::max(bar - 1, 1u))));
+    // About four steps make the scale; counts have none below 1.
+    const auto step = static_cast<float>(std::max(roundStep(std::max(scale / 5, 1e-6f)), 1.0));
     const double baseline = top + kThick + 16;
     for (float value = 0; value <= scale; value += step) {
         const auto x = kMargin + static_cast<uint32_t>(value / scale * static_cast<float>(bar - 1));
-        fill(picture, x, top + kThick, 1, 3, 0xff000000u | kInk);
+        fillRectangle(picture, x, top + kThick, 1, 3, 0xff000000u | kInk);
         label(x, baseline, std::to_string(std::lround(value)),
               value == 0 ? Label::Anchor::Start : Label::Anchor::Middle);
     }

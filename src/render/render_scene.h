@@ -25,7 +25,7 @@ static_assert(sizeof(GeometryRecord) == 48);
 enum class Kind : uint32_t { Solid = 0, Leaves = 1, Ground = 2 };
 
 struct RenderScene {
-    Scene scene;     // single meshes are merged (merge.h)
+    Scene scene;     // single meshes are merged
     Geometry ground; // a grid around the copies
     std::vector<Placement> copies;
     Box bounds;                // of all copies, without the ground

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene on a device: acceleration structures, and the micromaps that they refer to.
+// A scene on a device: textures, acceleration structures, and the micromaps that they refer to.
 #pragma once
 
 #include <cstdint>
@@ -7,12 +7,38 @@
 #include <span>
 #include <vector>
 
+#include "gltf/scene.h"
+#include "gpu/device.h"
 #include "gpu/scene.h"
 #include "gpu/timer.h"
 #include "render/render_scene.h"
 
 namespace vellum::render
 {
+
+// Textures of materials.
+class Texture
+{
+public:
+    // The material states how it is sampled. Throws gpu::VulkanError or std::runtime_error.
+    Texture(gpu::Device &device, const Image &image, const Material &material);
+    ~Texture();
+    Texture(Texture &&other) noexcept { *this = std::move(other); }
+    Texture &operator=(Texture &&other) noexcept;
+
+    [[nodiscard]] VkImageView view() const { return view_; }
+    [[nodiscard]] VkSampler sampler() const { return sampler_; }
+
+private:
+    Texture() = default;
+    void upload(gpu::Device &device, const Image &image);
+
+    VkDevice device_ = VK_NULL_HANDLE;
+    VkImage image_ = VK_NULL_HANDLE;
+    VkDeviceMemory memory_ = VK_NULL_HANDLE;
+    VkImageView view_ = VK_NULL_HANDLE;
+    VkSampler sampler_ = VK_NULL_HANDLE;
+};
 
 // A micromap on the device, for the geometry whose triangles its indices are for.
 class DeviceMicromap

@@ -181,6 +181,8 @@ std::optional<ProceedLoop> findProceedLoop(const Module &module, const Function 
         if (before == function.predecessors.end() || before->second.size() != 1)
             return {};
         loop.header = indexOf(before->second[0]);
+        if (loop.header == function.blocks.size()) // a block of insertDecision()
+            return {};
     }
     const Block &header = function.blocks[loop.header];
     if (header.code.size() < 3 || (!merged && header.code.back().opcode != spv::OpBranch))

@@ -7,8 +7,8 @@
 #include <boost/multiprecision/cpp_int.hpp>
 #include <cstdint>
 
+#include "verify/polygon.h"
 #include "verify/texels.h"
-#include "verify/triangle.h"
 
 namespace vellum::verify
 {

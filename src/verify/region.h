@@ -10,7 +10,6 @@
 
 #include "verify/polygon.h"
 #include "verify/texels.h"
-#include "verify/triangle.h"
 
 namespace vellum::verify
 {

@@ -12,9 +12,9 @@
 
 #include "bake/texture/texture.h"
 #include "core/micromap.h"
+#include "verify/polygon.h"
 #include "verify/region.h"
 #include "verify/texels.h"
-#include "verify/triangle.h"
 
 namespace vellum::verify
 {

@@ -78,10 +78,31 @@ struct VkPushDescriptorSetWithTemplateInfoKHR {
     uint32_t set;
     const void *pData;
 };
+inline constexpr VkStructureType VK_STRUCTURE_TYPE_SET_DESCRIPTOR_BUFFER_OFFSETS_INFO_EXT = static_cast<VkStructureType>(1000545007);
+struct VkSetDescriptorBufferOffsetsInfoEXT {
+    VkStructureType sType;
+    const void *pNext;
+    VkShaderStageFlags stageFlags;
+    VkPipelineLayout layout;
+    uint32_t firstSet;
+    uint32_t setCount;
+    const uint32_t *pBufferIndices;
+    const VkDeviceSize *pOffsets;
+};
+inline constexpr VkStructureType VK_STRUCTURE_TYPE_BIND_DESCRIPTOR_BUFFER_EMBEDDED_SAMPLERS_INFO_EXT = static_cast<VkStructureType>(1000545008);
+struct VkBindDescriptorBufferEmbeddedSamplersInfoEXT {
+    VkStructureType sType;
+    const void *pNext;
+    VkShaderStageFlags stageFlags;
+    VkPipelineLayout layout;
+    uint32_t set;
+};
 using PFN_vkCmdPushConstants2KHR = void(VKAPI_PTR *)(VkCommandBuffer commandBuffer, const VkPushConstantsInfoKHR *pPushConstantsInfo);
 using PFN_vkCmdBindDescriptorSets2KHR = void(VKAPI_PTR *)(VkCommandBuffer commandBuffer, const VkBindDescriptorSetsInfoKHR *pBindDescriptorSetsInfo);
 using PFN_vkCmdPushDescriptorSet2KHR = void(VKAPI_PTR *)(VkCommandBuffer commandBuffer, const VkPushDescriptorSetInfoKHR *pPushDescriptorSetInfo);
 using PFN_vkCmdPushDescriptorSetWithTemplate2KHR = void(VKAPI_PTR *)(VkCommandBuffer commandBuffer, const VkPushDescriptorSetWithTemplateInfoKHR *pPushDescriptorSetWithTemplateInfo);
+using PFN_vkCmdSetDescriptorBufferOffsets2EXT = void(VKAPI_PTR *)(VkCommandBuffer commandBuffer, const VkSetDescriptorBufferOffsetsInfoEXT *pSetDescriptorBufferOffsetsInfo);
+using PFN_vkCmdBindDescriptorBufferEmbeddedSamplers2EXT = void(VKAPI_PTR *)(VkCommandBuffer commandBuffer, const VkBindDescriptorBufferEmbeddedSamplersInfoEXT *pBindDescriptorBufferEmbeddedSamplersInfo);
 #endif
 
 #ifndef VK_VERSION_1_4
@@ -248,6 +269,51 @@ using PFN_vkCreatePipelineBinariesKHR = VkResult(VKAPI_PTR *)(VkDevice device, c
 using PFN_vkDestroyPipelineBinaryKHR = void(VKAPI_PTR *)(VkDevice device, VkPipelineBinaryKHR pipelineBinary, const VkAllocationCallbacks *pAllocator);
 using PFN_vkGetPipelineKeyKHR = VkResult(VKAPI_PTR *)(VkDevice device, const VkPipelineCreateInfoKHR *pPipelineCreateInfo, VkPipelineBinaryKeyKHR *pPipelineKey);
 using PFN_vkGetPipelineBinaryDataKHR = VkResult(VKAPI_PTR *)(VkDevice device, const VkPipelineBinaryDataInfoKHR *pInfo, VkPipelineBinaryKeyKHR *pPipelineBinaryKey, size_t *pPipelineBinaryDataSize, void *pPipelineBinaryData);
+#endif
+
+#ifndef VK_EXT_descriptor_heap
+#define VK_EXT_DESCRIPTOR_HEAP_EXTENSION_NAME "VK_EXT_descriptor_heap"
+struct VkHostAddressRangeConstEXT {
+    const void *address;
+    size_t size;
+};
+struct VkDeviceAddressRangeEXT {
+    VkDeviceAddress address;
+    VkDeviceSize size;
+};
+inline constexpr VkStructureType VK_STRUCTURE_TYPE_BIND_HEAP_INFO_EXT = static_cast<VkStructureType>(1000135003);
+struct VkBindHeapInfoEXT {
+    VkStructureType sType;
+    const void *pNext;
+    VkDeviceAddressRangeEXT heapRange;
+    VkDeviceSize reservedRangeOffset;
+    VkDeviceSize reservedRangeSize;
+};
+inline constexpr VkStructureType VK_STRUCTURE_TYPE_PUSH_DATA_INFO_EXT = static_cast<VkStructureType>(1000135004);
+struct VkPushDataInfoEXT {
+    VkStructureType sType;
+    const void *pNext;
+    uint32_t offset;
+    VkHostAddressRangeConstEXT data;
+};
+inline constexpr VkStructureType VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DESCRIPTOR_HEAP_FEATURES_EXT = static_cast<VkStructureType>(1000135009);
+struct VkPhysicalDeviceDescriptorHeapFeaturesEXT {
+    VkStructureType sType;
+    void *pNext;
+    VkBool32 descriptorHeap;
+    VkBool32 descriptorHeapCaptureReplay;
+};
+inline constexpr VkStructureType VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_DESCRIPTOR_HEAP_INFO_EXT = static_cast<VkStructureType>(1000135010);
+struct VkCommandBufferInheritanceDescriptorHeapInfoEXT {
+    VkStructureType sType;
+    const void *pNext;
+    const VkBindHeapInfoEXT *pSamplerHeapBindInfo;
+    const VkBindHeapInfoEXT *pResourceHeapBindInfo;
+};
+inline constexpr VkFlags64 VK_PIPELINE_CREATE_2_DESCRIPTOR_HEAP_BIT_EXT = static_cast<VkFlags64>(68719476736);
+using PFN_vkCmdBindSamplerHeapEXT = void(VKAPI_PTR *)(VkCommandBuffer commandBuffer, const VkBindHeapInfoEXT *pBindInfo);
+using PFN_vkCmdBindResourceHeapEXT = void(VKAPI_PTR *)(VkCommandBuffer commandBuffer, const VkBindHeapInfoEXT *pBindInfo);
+using PFN_vkCmdPushDataEXT = void(VKAPI_PTR *)(VkCommandBuffer commandBuffer, const VkPushDataInfoEXT *pPushDataInfo);
 #endif
 
 #ifndef VK_ARM_tensors

@@ -22,8 +22,10 @@ NEWER = {
     "VK_KHR_maintenance5": """VkBufferUsageFlags2KHR VkBufferUsageFlags2CreateInfoKHR VkPipelineCreateFlags2KHR
         VkPipelineCreateFlags2CreateInfoKHR vkCmdBindIndexBuffer2KHR""",
     "VK_KHR_maintenance6": """VkPhysicalDeviceMaintenance6FeaturesKHR VkBindMemoryStatusKHR VkPushConstantsInfoKHR
-        VkBindDescriptorSetsInfoKHR VkPushDescriptorSetInfoKHR VkPushDescriptorSetWithTemplateInfoKHR vkCmdPushConstants2KHR
-        vkCmdBindDescriptorSets2KHR vkCmdPushDescriptorSet2KHR vkCmdPushDescriptorSetWithTemplate2KHR""",
+        VkBindDescriptorSetsInfoKHR VkPushDescriptorSetInfoKHR VkPushDescriptorSetWithTemplateInfoKHR
+        VkSetDescriptorBufferOffsetsInfoEXT VkBindDescriptorBufferEmbeddedSamplersInfoEXT vkCmdPushConstants2KHR
+        vkCmdBindDescriptorSets2KHR vkCmdPushDescriptorSet2KHR vkCmdPushDescriptorSetWithTemplate2KHR
+        vkCmdSetDescriptorBufferOffsets2EXT vkCmdBindDescriptorBufferEmbeddedSamplers2EXT""",
     "VK_VERSION_1_4": "VkPhysicalDeviceVulkan14Features",
     "VK_KHR_map_memory2": """VkMemoryMapInfoKHR VkMemoryUnmapFlagsKHR VkMemoryUnmapInfoKHR vkMapMemory2KHR
         vkUnmapMemory2KHR""",
@@ -36,6 +38,10 @@ NEWER = {
         VkPipelineBinaryDataKHR VkPipelineBinaryKeysAndDataKHR VkPipelineCreateInfoKHR VkPipelineBinaryCreateInfoKHR
         VkPipelineBinaryInfoKHR VkPipelineBinaryDataInfoKHR VkPipelineBinaryHandlesInfoKHR vkCreatePipelineBinariesKHR
         vkDestroyPipelineBinaryKHR vkGetPipelineKeyKHR vkGetPipelineBinaryDataKHR""",
+    "VK_EXT_descriptor_heap": """VK_EXT_DESCRIPTOR_HEAP_EXTENSION_NAME VkHostAddressRangeConstEXT VkDeviceAddressRangeEXT
+        VkBindHeapInfoEXT
+        VkPushDataInfoEXT VkPhysicalDeviceDescriptorHeapFeaturesEXT VkCommandBufferInheritanceDescriptorHeapInfoEXT
+        VK_PIPELINE_CREATE_2_DESCRIPTOR_HEAP_BIT_EXT vkCmdBindSamplerHeapEXT vkCmdBindResourceHeapEXT vkCmdPushDataEXT""",
     "VK_ARM_tensors": "VkTensorARM VkTensorMemoryBarrierARM VkTensorDependencyInfoARM",
     "VK_ARM_pipeline_opacity_micromap": """VK_ARM_PIPELINE_OPACITY_MICROMAP_EXTENSION_NAME
         VkPhysicalDevicePipelineOpacityMicromapFeaturesARM VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM""",

@@ -10,7 +10,6 @@
 #include "core/utf8_path.h"
 #include "gltf/file/system/memory_files.h"
 #include "gltf/micromaps/document_writer.h"
-#include "gltf/micromaps/state_counter.h"
 #include "gltf/micromaps/stored_micromaps.h"
 #include "gltf/micromaps/sweep.h"
 #include "gltflibrary/options.h"

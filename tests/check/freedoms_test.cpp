@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the specification leaves to a driver is no failure, and calls keep to valid usage that lavapipe does not need.
 #include "check/case/case.h"
-#include "check/case/tracing_modules.h"
+#include "check/case/trace_pipelines.h"
 #include "check/groups/random_case.h"
 #include "check/oracle/pipeline_fault.h"
 #include "check/oracle/query_fault.h"

@@ -9,7 +9,6 @@
 #include "command.h"
 #include "compressed.h"
 #include "gltf/data/image.h"
-#include "gltf/file/json_edit.h"
 #include "gltf/file/json_tree.h"
 
 using namespace vellum;

@@ -9,7 +9,6 @@
 
 #include "check.h"
 #include "gltf/data/decompress.h"
-#include "gltf/data/draco_mesh.h"
 #include "gltf/data/image.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf_input.h"

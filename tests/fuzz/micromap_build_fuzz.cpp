@@ -179,13 +179,13 @@ void model(Reader &input)
     }
     FUZZ_CHECK(micromap.validate().has_value() == !valid);
     uint64_t built = 0;
-    for (const MicromapUsage &usage : micromap.buildUsage())
+    for (const MicromapUsage &usage : usageOf(micromap.triangles))
         built += usage.count;
     FUZZ_CHECK(built == count);
     if (!valid)
         return;
     uint64_t used = 0;
-    for (const MicromapUsage &usage : micromap.geometryUsage())
+    for (const MicromapUsage &usage : usageOf(micromap.triangles, micromap.indices, micromap.baseTriangle))
         used += usage.count;
     for (uint32_t i = 0; i < micromap.indices.size(); ++i) {
         const auto state = static_cast<uint32_t>(micromap.stateAt(i, u, v));

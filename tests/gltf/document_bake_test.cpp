@@ -98,7 +98,7 @@ void expectSame(const DocumentBake &bake, const Micromap &expected)
 {
     ASSERT_EQ(bake.micromaps.size(), 1u);
     EXPECT_EQ(bake.micromaps[0].data, expected.data);
-    EXPECT_EQ(bake.micromaps[0].usage, expected.buildUsage());
+    EXPECT_EQ(bake.micromaps[0].usage, usageOf(expected.triangles));
     ASSERT_EQ(bake.primitives.size(), 1u);
     EXPECT_EQ(bake.primitives[0].micromap.indices, expected.indices);
 }

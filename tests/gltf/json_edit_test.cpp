@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gltf/file/json_edit.h"
+#include "gltf/file/json_tree.h"
 
 #include <gtest/gtest.h>
 

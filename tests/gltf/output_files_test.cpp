@@ -14,7 +14,7 @@
 #include "bake/bake.h"
 #include "glb_file.h"
 #include "gltf/file/gltf_error.h"
-#include "gltf/file/new_file.h"
+#include "gltf/file/open_file.h"
 
 using namespace vellum;
 using namespace vellum::test;

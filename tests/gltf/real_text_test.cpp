@@ -8,7 +8,7 @@
 #include <limits>
 #include <random>
 
-#include "base/real_text.h"
+#include "base/text.h"
 #include "core/bit_cast.h"
 #include "glb_file.h"
 

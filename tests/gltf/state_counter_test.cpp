@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Counting states in ranges of micro-triangles.
-#include "gltf/micromaps/state_counter.h"
+#include "gltf/micromaps/stored_micromaps.h"
 
 #include <gtest/gtest.h>
 

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include "gltf/data/decompress.h"
-#include "gltf/data/draco_mesh.h"
 #include "gltf/file/gltf_error.h"
 
 using namespace vellum;

@@ -10,8 +10,8 @@
 #include "base/picture.h"
 #include "base/text.h"
 #include "gltf/file/uri.h"
-#include "inspect/page_data.h"
-#include "inspect/tally.h"
+#include "inspect/inspected_file.h"
+#include "inspect/page.h"
 #include "made_up_file.h"
 
 using namespace vellum;

@@ -50,7 +50,7 @@ void expectSame(const Sample &sample, const vellum::BakeResult &expected)
         EXPECT_EQ(info.triangles[i].subdivisionLevel, m.triangles[i].subdivisionLevel);
         EXPECT_EQ(info.triangles[i].format, static_cast<unsigned>(m.triangles[i].format));
     }
-    const auto usages = m.buildUsage();
+    const auto usages = usageOf(m.triangles);
     ASSERT_EQ(info.usageCount, usages.size());
     for (size_t i = 0; i < info.usageCount; ++i) {
         EXPECT_EQ(info.usages[i].count, usages[i].count);

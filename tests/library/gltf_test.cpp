@@ -219,7 +219,7 @@ TEST(LibraryGltf, ReadsWhatItBaked)
     ASSERT_EQ(micromap.triangleCount, whole.triangles.size());
     EXPECT_EQ(std::memcmp(micromap.triangles, whole.triangles.data(), 8 * whole.triangles.size()), 0);
     EXPECT_EQ(micromap.triangles[0].subdivisionLevel, 4);
-    EXPECT_TRUE(equal(micromap.usages, micromap.usageCount, whole.buildUsage()));
+    EXPECT_TRUE(equal(micromap.usages, micromap.usageCount, usageOf(whole.triangles)));
     const VellumGltfPrimitiveInfo primitive = card.primitive(0);
     EXPECT_STREQ(primitive.name, "mesh 0 \"leaves\" primitive 0");
     EXPECT_EQ(primitive.mesh, 0u);
@@ -228,7 +228,8 @@ TEST(LibraryGltf, ReadsWhatItBaked)
     EXPECT_EQ(primitive.baseTriangle, 0u);
     EXPECT_EQ(std::vector<int32_t>(primitive.indices, primitive.indices + primitive.indexCount), whole.indices);
     EXPECT_EQ(primitive.indexCount, 2u);
-    EXPECT_TRUE(equal(primitive.usages, primitive.usageCount, whole.geometryUsage()));
+    EXPECT_TRUE(
+        equal(primitive.usages, primitive.usageCount, usageOf(whole.triangles, whole.indices, whole.baseTriangle)));
     EXPECT_GT(primitive.usageCount, 0u);
     EXPECT_EQ(vellumFindGltfPrimitive(card.gltf, 0, 0), 0u);
     EXPECT_EQ(vellumFindGltfPrimitive(card.gltf, 0, 1), VELLUM_GLTF_NO_MICROMAP);

@@ -74,7 +74,7 @@ TEST(BakeResult, LevelsAndFormatsOfEachTriangle)
     EXPECT_EQ(r.micromap.indices, (std::vector<int32_t>{0, 1, 2, 1}));
     EXPECT_EQ(r.statistics.distinct, 3u);
     EXPECT_EQ(
-        r.micromap.geometryUsage(),
+        usageOf(r.micromap.triangles, r.micromap.indices, r.micromap.baseTriangle),
         (std::vector<MicromapUsage>{{1, 5, Format::TwoState}, {2, 3, Format::FourState}, {1, 5, Format::FourState}}));
     EXPECT_EQ(r.micromap.validate(), std::nullopt);
     input.levels = std::span(levels).first(3);

@@ -96,7 +96,8 @@ TEST(Bake, SharesEqualTriangles)
     EXPECT_EQ(r.statistics.distinct, 2u);
     EXPECT_EQ(r.micromap.triangles.size(), 1u);
     EXPECT_EQ(r.micromap.indices, std::vector<int32_t>(101, 0));
-    EXPECT_EQ(r.micromap.geometryUsage(), (std::vector<MicromapUsage>{{101, 3, Format::FourState}}));
+    EXPECT_EQ(usageOf(r.micromap.triangles, r.micromap.indices, r.micromap.baseTriangle),
+              (std::vector<MicromapUsage>{{101, 3, Format::FourState}}));
 }
 
 TEST(Bake, HopelessCoordinatesAreUnknown)

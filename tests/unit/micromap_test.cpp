@@ -80,8 +80,9 @@ Micromap example()
 TEST(MicromapModel, CountsItsUsage)
 {
     const Micromap m = example();
-    EXPECT_EQ(m.buildUsage(), (std::vector<MicromapUsage>{{1, 1, Format::TwoState}, {1, 2, Format::FourState}}));
-    EXPECT_EQ(m.geometryUsage(), (std::vector<MicromapUsage>{{2, 1, Format::TwoState}, {1, 2, Format::FourState}}));
+    EXPECT_EQ(usageOf(m.triangles), (std::vector<MicromapUsage>{{1, 1, Format::TwoState}, {1, 2, Format::FourState}}));
+    EXPECT_EQ(usageOf(m.triangles, m.indices, m.baseTriangle),
+              (std::vector<MicromapUsage>{{2, 1, Format::TwoState}, {1, 2, Format::FourState}}));
 }
 
 TEST(MicromapModel, BaseTriangleMovesIndices)
@@ -90,7 +91,7 @@ TEST(MicromapModel, BaseTriangleMovesIndices)
     m.baseTriangle = 1;
     m.indices = {0, -4};
     EXPECT_EQ(m.validate(), std::nullopt);
-    EXPECT_EQ(m.geometryUsage(), (std::vector<MicromapUsage>{{1, 1, Format::TwoState}}));
+    EXPECT_EQ(usageOf(m.triangles, m.indices, m.baseTriangle), (std::vector<MicromapUsage>{{1, 1, Format::TwoState}}));
     EXPECT_EQ(m.stateAt(0, 0.3f, 0.3f), State::Opaque);
     EXPECT_EQ(m.stateAt(0, 0.1f, 0.1f), State::Transparent);
     EXPECT_EQ(m.stateAt(1, 0.1f, 0.1f), State::UnknownOpaque);

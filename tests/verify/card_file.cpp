@@ -75,7 +75,7 @@ Bytes CardFile::bytes() const
     std::string root;
     std::string extensions;
     if (extension) {
-        const std::vector<MicromapUsage> usages = micromap.buildUsage();
+        const std::vector<MicromapUsage> usages = usageOf(micromap.triangles);
         root = R"("extensionsUsed": ["EXT_mesh_opacity_micromap"], "extensions": {"EXT_mesh_opacity_micromap":
 {"micromaps": [{"data": )" +
                buffer.add(micromap.data) + R"(, "triangles": )" + buffer.add(bytesOf(micromap.triangles)) +

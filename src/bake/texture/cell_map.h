@@ -18,7 +18,6 @@
 #include <span>
 #include <vector>
 
-#include "bake/texture/axis.h"
 #include "bake/texture/texture.h"
 
 namespace vellum

@@ -61,24 +61,24 @@ public:
     {
         putAll(field);
     }
-    template <class T, class Function>
-    void object(const char *, const T &field, Function &&fields)
+    template <class T>
+    void object(const char *, const T &field)
     {
-        fields(*this, field);
+        fields::of(*this, field);
     }
-    template <class T, class Function>
-    void optional(const char *, const std::optional<T> &field, Function &&fields)
+    template <class T>
+    void optional(const char *, const std::optional<T> &field)
     {
         put(field.has_value());
         if (field)
-            fields(*this, *field);
+            fields::of(*this, *field);
     }
-    template <class T, class Function>
-    void list(const char *, const std::vector<T> &field, Function &&fields)
+    template <class T>
+    void list(const char *, const std::vector<T> &field)
     {
         put(field.size());
         for (const T &element : field)
-            fields(*this, element);
+            fields::of(*this, element);
     }
 
 private:

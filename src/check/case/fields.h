@@ -3,26 +3,32 @@
 // field's name and the field:
 //   value (a default), name (a table, a default), bits (a table), floats, states: one value
 //   vectors, indices: lists of numbers; names (a table): a list of names
-//   object, list: a structure or a list of them, whose fields a function lists
+//   object, list: a structure that `of` lists the fields of, or a list of them
 //   optional: std::optional of a structure
 #pragma once
+
+#include <type_traits>
 
 #include "check/case/names.h"
 
 namespace vellum::check::fields
 {
 
-// Each takes a structure, const or not.
-template <class Archive, class T>
-void ofMicromapTriangle(Archive &archive, T &triangle)
+// The structure, const or not.
+template <class T, class Structure>
+concept Is = std::is_same_v<std::remove_const_t<T>, Structure>;
+
+// Names all fields of a structure to an archive, in the order in which they are written.
+template <class Archive, Is<oracle::MicromapTriangle> T>
+void of(Archive &archive, T &triangle)
 {
     archive.always("level", triangle.level);
     archive.name("format", triangle.format, kFormatNames);
     archive.states("states", triangle.states);
 }
 
-template <class Archive, class T>
-void ofMicromap(Archive &archive, T &micromap)
+template <class Archive, Is<oracle::SceneMicromap> T>
+void of(Archive &archive, T &micromap)
 {
     archive.bits("flags", micromap.flags, kMicromapFlagNames);
     archive.value("triangleStride", micromap.triangleStride, uint32_t{sizeof(VkMicromapTriangleEXT)});
@@ -30,11 +36,11 @@ void ofMicromap(Archive &archive, T &micromap)
     archive.bits("usage", micromap.usage, kUsageNames);
     archive.bits("layout", micromap.layout, kDataNames);
     archive.value("onHost", micromap.onHost, false);
-    archive.list("triangles", micromap.triangles, [](auto &a, auto &triangle) { ofMicromapTriangle(a, triangle); });
+    archive.list("triangles", micromap.triangles);
 }
 
-template <class Archive, class T>
-void ofUse(Archive &archive, T &use)
+template <class Archive, Is<oracle::MeshMicromap> T>
+void of(Archive &archive, T &use)
 {
     archive.value("micromap", use.micromap, std::optional<uint32_t>());
     archive.name("indexType", use.indexType, kIndexTypeNames);
@@ -46,14 +52,14 @@ void ofUse(Archive &archive, T &use)
     archive.bits("usage", use.usage, kUsageNames);
 }
 
-template <class Archive, class T>
-void ofTransform(Archive &archive, T &transform)
+template <class Archive, Is<VkTransformMatrixKHR> T>
+void of(Archive &archive, T &transform)
 {
     archive.vectors("matrix", transform.matrix);
 }
 
-template <class Archive, class T>
-void ofLayout(Archive &archive, T &layout)
+template <class Archive, Is<oracle::MeshLayout> T>
+void of(Archive &archive, T &layout)
 {
     archive.name("vertexFormat", layout.vertexFormat, kVertexFormatNames, VK_FORMAT_R32G32B32_SFLOAT);
     archive.value("stride", layout.stride, 0u);
@@ -63,31 +69,31 @@ void ofLayout(Archive &archive, T &layout)
     archive.value("firstIndex", layout.firstIndex, 0u);
     archive.value("separate", layout.separate, false);
     archive.value("order", layout.order, 0u);
-    archive.optional("transform", layout.transform, [](auto &a, auto &transform) { ofTransform(a, transform); });
+    archive.optional("transform", layout.transform);
     archive.value("transformOffset", layout.transformOffset, 0u);
 }
 
-template <class Archive, class T>
-void ofMesh(Archive &archive, T &mesh)
+template <class Archive, Is<oracle::Mesh> T>
+void of(Archive &archive, T &mesh)
 {
     archive.value("opaque", mesh.opaque, false);
     archive.value("noDuplicates", mesh.noDuplicates, false);
     archive.vectors("vertices", mesh.vertices);
     archive.vectors("boxes", mesh.boxes);
-    archive.object("layout", mesh.layout, [](auto &a, auto &layout) { ofLayout(a, layout); });
-    archive.optional("micromap", mesh.micromap, [](auto &a, auto &use) { ofUse(a, use); });
+    archive.object("layout", mesh.layout);
+    archive.optional("micromap", mesh.micromap);
 }
 
-template <class Archive, class T>
-void ofObject(Archive &archive, T &object)
+template <class Archive, Is<oracle::Object> T>
+void of(Archive &archive, T &object)
 {
     archive.bits("flags", object.flags, kStructureFlagNames);
     archive.value("geometryPointers", object.geometryPointers, false);
-    archive.list("meshes", object.meshes, [](auto &a, auto &mesh) { ofMesh(a, mesh); });
+    archive.list("meshes", object.meshes);
 }
 
-template <class Archive, class T>
-void ofInstance(Archive &archive, T &instance)
+template <class Archive, Is<oracle::Instance> T>
+void of(Archive &archive, T &instance)
 {
     archive.always("object", instance.object);
     archive.vectors("transform", instance.transform.matrix);
@@ -98,8 +104,8 @@ void ofInstance(Archive &archive, T &instance)
     archive.value("record", instance.record, std::optional<uint32_t>());
 }
 
-template <class Archive, class T>
-void ofRay(Archive &archive, T &ray)
+template <class Archive, Is<Ray> T>
+void of(Archive &archive, T &ray)
 {
     const Ray standard;
     archive.floats("origin", ray.origin);
@@ -112,19 +118,19 @@ void ofRay(Archive &archive, T &ray)
     archive.value("generate", ray.generate, standard.generate);
 }
 
-template <class Archive, class T>
-void ofScene(Archive &archive, T &scene)
+template <class Archive, Is<oracle::Scene> T>
+void of(Archive &archive, T &scene)
 {
     archive.bits("topFlags", scene.topFlags, kStructureFlagNames);
     archive.value("edge", scene.edge, std::decay_t<T>().edge);
-    archive.list("micromaps", scene.micromaps, [](auto &a, auto &micromap) { ofMicromap(a, micromap); });
-    archive.list("objects", scene.objects, [](auto &a, auto &object) { ofObject(a, object); });
-    archive.list("instances", scene.instances, [](auto &a, auto &instance) { ofInstance(a, instance); });
-    archive.list("rays", scene.rays, [](auto &a, auto &ray) { ofRay(a, ray); });
+    archive.list("micromaps", scene.micromaps);
+    archive.list("objects", scene.objects);
+    archive.list("instances", scene.instances);
+    archive.list("rays", scene.rays);
 }
 
-template <class Archive, class T>
-void ofBuild(Archive &archive, T &build)
+template <class Archive, Is<BuildPlan> T>
+void of(Archive &archive, T &build)
 {
     const BuildPlan standard;
     archive.name("micromaps", build.micromaps, kBuildCommandNames, standard.micromaps);
@@ -151,8 +157,8 @@ void ofBuild(Archive &archive, T &build)
     archive.value("secondDevice", build.secondDevice, standard.secondDevice);
 }
 
-template <class Archive, class T>
-void ofStep(Archive &archive, T &step)
+template <class Archive, Is<Step> T>
+void of(Archive &archive, T &step)
 {
     archive.name("kind", step.kind, kStepNames);
     archive.value("target", step.target, 0u);
@@ -166,13 +172,13 @@ void ofStep(Archive &archive, T &step)
     archive.value("inPlace", step.inPlace, false);
     archive.value("host", step.host, false);
     archive.value("deferred", step.deferred, false);
-    archive.list("states", step.states, [](auto &a, auto &triangle) { ofMicromapTriangle(a, triangle); });
-    archive.optional("micromapUse", step.micromapUse, [](auto &a, auto &use) { ofUse(a, use); });
-    archive.list("instances", step.instances, [](auto &a, auto &instance) { ofInstance(a, instance); });
+    archive.list("states", step.states);
+    archive.optional("micromapUse", step.micromapUse);
+    archive.list("instances", step.instances);
 }
 
-template <class Archive, class T>
-void ofPart(Archive &archive, T &part)
+template <class Archive, Is<PipelinePart> T>
+void of(Archive &archive, T &part)
 {
     archive.names("stages", part.stages, kTracerStageNames);
     archive.names("groups", part.groups, kTracerGroupNames);
@@ -180,8 +186,8 @@ void ofPart(Archive &archive, T &part)
     archive.value("micromapBit", part.micromapBit, false);
 }
 
-template <class Archive, class T>
-void ofTable(Archive &archive, T &table)
+template <class Archive, Is<oracle::TablePlan> T>
+void of(Archive &archive, T &table)
 {
     const oracle::TablePlan standard;
     archive.names("records", table.records, kHitRecordNames);
@@ -197,33 +203,33 @@ void ofTable(Archive &archive, T &table)
     archive.value("cut", table.layout.cut, false);
 }
 
-template <class Archive, class T>
-void ofPipeline(Archive &archive, T &pipeline)
+template <class Archive, Is<PipelinePlan> T>
+void of(Archive &archive, T &pipeline)
 {
     const PipelinePlan standard;
-    archive.list("parts", pipeline.parts, [](auto &a, auto &part) { ofPart(a, part); });
+    archive.list("parts", pipeline.parts);
     archive.bits("flags", pipeline.flags, kPipelineFlagNames);
     archive.value("recordOffset", pipeline.parameters.recordOffset, standard.parameters.recordOffset);
     archive.value("recordStride", pipeline.parameters.recordStride, standard.parameters.recordStride);
     archive.value("missIndex", pipeline.parameters.missIndex, standard.parameters.missIndex);
-    archive.object("table", pipeline.table, [](auto &a, auto &table) { ofTable(a, table); });
-    archive.list("otherTables", pipeline.otherTables, [](auto &a, auto &table) { ofTable(a, table); });
+    archive.object("table", pipeline.table);
+    archive.list("otherTables", pipeline.otherTables);
 }
 
-template <class Archive, class T>
-void ofQueryTarget(Archive &archive, T &target)
+template <class Archive, Is<QueryTarget> T>
+void of(Archive &archive, T &target)
 {
     archive.name("of", target.of, kQueryTargetNames);
     archive.value("number", target.number, 0u);
 }
 
-template <class Archive, class T>
-void ofQueryCommand(Archive &archive, T &command)
+template <class Archive, Is<QueryCommand> T>
+void of(Archive &archive, T &command)
 {
     archive.name("kind", command.kind, kQueryCommandNames);
     archive.value("first", command.first, 0u);
     archive.value("count", command.count, 1u);
-    archive.list("targets", command.targets, [](auto &a, auto &target) { ofQueryTarget(a, target); });
+    archive.list("targets", command.targets);
     archive.value("wide", command.wide, false);
     archive.value("availability", command.availability, false);
     archive.value("wait", command.wait, false);
@@ -233,16 +239,16 @@ void ofQueryCommand(Archive &archive, T &command)
     archive.value("padding", command.padding, 0u);
 }
 
-template <class Archive, class T>
-void ofQueryPlan(Archive &archive, T &plan)
+template <class Archive, Is<QueryPlan> T>
+void of(Archive &archive, T &plan)
 {
     archive.name("property", plan.property, kPropertyNames);
     archive.value("count", plan.count, 1u);
-    archive.list("commands", plan.commands, [](auto &a, auto &command) { ofQueryCommand(a, command); });
+    archive.list("commands", plan.commands);
 }
 
-template <class Archive, class T>
-void ofTrace(Archive &archive, T &trace)
+template <class Archive, Is<TracePlan> T>
+void of(Archive &archive, T &trace)
 {
     const TracePlan standard;
     archive.name("method", trace.method, kMethodNames, standard.method);
@@ -264,8 +270,8 @@ void ofTrace(Archive &archive, T &trace)
     archive.value("shaderObjects", trace.shaderObjects, standard.shaderObjects);
     archive.value("rebound", trace.rebound, standard.rebound);
     archive.value("vertexBuffers", trace.vertexBuffers, standard.vertexBuffers);
-    archive.object("pipeline", trace.pipeline, [](auto &a, auto &pipeline) { ofPipeline(a, pipeline); });
-    archive.list("otherPipelines", trace.otherPipelines, [](auto &a, auto &pipeline) { ofPipeline(a, pipeline); });
+    archive.object("pipeline", trace.pipeline);
+    archive.list("otherPipelines", trace.otherPipelines);
     archive.value("tablesInPlace", trace.tablesInPlace, standard.tablesInPlace);
     archive.bits("tableBarrier", trace.tableBarrier, kTableBarrierNames);
     archive.value("firstDestroyed", trace.firstDestroyed, standard.firstDestroyed);
@@ -284,17 +290,17 @@ void ofTrace(Archive &archive, T &trace)
     archive.value("withoutMicromaps", trace.withoutMicromaps, standard.withoutMicromaps);
 }
 
-template <class Archive, class T>
-void ofCase(Archive &archive, T &c)
+template <class Archive, Is<Case> T>
+void of(Archive &archive, T &c)
 {
     archive.value("group", c.group, std::string());
     archive.value("seed", c.seed, uint64_t{0});
     archive.name("memory", c.memory, kMemoryNames, Memory::Apart);
-    archive.object("scene", c.scene, [](auto &a, auto &scene) { ofScene(a, scene); });
-    archive.object("build", c.build, [](auto &a, auto &build) { ofBuild(a, build); });
-    archive.list("steps", c.steps, [](auto &a, auto &step) { ofStep(a, step); });
-    archive.list("queries", c.queries, [](auto &a, auto &plan) { ofQueryPlan(a, plan); });
-    archive.object("trace", c.trace, [](auto &a, auto &trace) { ofTrace(a, trace); });
+    archive.object("scene", c.scene);
+    archive.object("build", c.build);
+    archive.list("steps", c.steps);
+    archive.list("queries", c.queries);
+    archive.object("trace", c.trace);
 }
 
 } // namespace vellum::check::fields

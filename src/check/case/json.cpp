@@ -212,27 +212,27 @@ public:
         if (!list.Empty())
             add(key, std::move(list));
     }
-    template <class T, class Function>
-    void object(const char *key, const T &field, Function &&fields)
+    template <class T>
+    void object(const char *key, const T &field)
     {
-        Json made = toObject(field, fields);
+        Json made = toObject(field);
         if (!made.ObjectEmpty())
             add(key, std::move(made));
     }
-    template <class T, class Function>
-    void optional(const char *key, const std::optional<T> &field, Function &&fields)
+    template <class T>
+    void optional(const char *key, const std::optional<T> &field)
     {
         if (field)
-            add(key, toObject(*field, fields));
+            add(key, toObject(*field));
     }
-    template <class T, class Function>
-    void list(const char *key, const std::vector<T> &field, Function &&fields)
+    template <class T>
+    void list(const char *key, const std::vector<T> &field)
     {
         Json list(rapidjson::kArrayType);
         const auto bytesOf = [&](size_t i) {
             Bytes bytes;
             if (field.size() > 1)
-                fields(bytes, field[i]);
+                fields::of(bytes, field[i]);
             return bytes.text();
         };
         std::string bytes = field.empty() ? std::string() : bytesOf(0);
@@ -243,7 +243,7 @@ public:
                 ++end;
             Writer element(allocator_);
             element.value(kRepeat, static_cast<uint32_t>(end - i), 1u);
-            fields(element, field[i]);
+            fields::of(element, field[i]);
             list.PushBack(element.take(), allocator_);
             bytes = std::move(next);
             i = end;
@@ -291,11 +291,11 @@ private:
         if (!list.Empty())
             add(key, std::move(list));
     }
-    template <class T, class Function>
-    Json toObject(const T &field, Function &&fields)
+    template <class T>
+    Json toObject(const T &field)
     {
         Writer writer(allocator_);
-        fields(writer, field);
+        fields::of(writer, field);
         return writer.take();
     }
 
@@ -495,27 +495,27 @@ public:
                 field.push_back(static_cast<T>(std::clamp<int64_t>(index + int64_t{i} * step, INT32_MIN, INT32_MAX)));
         });
     }
-    template <class T, class Function>
-    void object(const char *key, T &field, Function &&fields)
+    template <class T>
+    void object(const char *key, T &field)
     {
         if (const Json *found = find(key))
-            getObject(*found, path(key), field, fields);
+            getObject(*found, path(key), field);
     }
-    template <class T, class Function>
-    void optional(const char *key, std::optional<T> &field, Function &&fields)
+    template <class T>
+    void optional(const char *key, std::optional<T> &field)
     {
         if (const Json *found = find(key))
-            getObject(*found, path(key), field.emplace(), fields);
+            getObject(*found, path(key), field.emplace());
     }
-    template <class T, class Function>
-    void list(const char *key, std::vector<T> &field, Function &&fields)
+    template <class T>
+    void list(const char *key, std::vector<T> &field)
     {
         forEach(key, [&](const Json &element, const std::string &where) {
             Reader reader(element, where, amount_);
             const uint32_t count = reader.repeat();
             const Amount before = amount_;
             T made{};
-            fields(reader, made);
+            fields::of(reader, made);
             reader.finish();
             amount_.states += (count - 1) * (amount_.states - before.states);
             addElements((count - 1) * (amount_.elements - before.elements), where);
@@ -580,11 +580,11 @@ private:
         for (rapidjson::SizeType i = 0; i < found->Size(); ++i)
             function((*found)[i], fmt::format("{}[{}]", path(key), i));
     }
-    template <class T, class Function>
-    void getObject(const Json &json, const std::string &where, T &field, Function &&fields)
+    template <class T>
+    void getObject(const Json &json, const std::string &where, T &field)
     {
         Reader reader(json, where, amount_);
-        fields(reader, field);
+        fields::of(reader, field);
         reader.finish();
     }
 
@@ -703,7 +703,7 @@ std::string toJson(const Case &c)
     rapidjson::Document document(rapidjson::kObjectType);
     Writer writer(document.GetAllocator());
     writer.always("schema", std::string(kSchema));
-    fields::ofCase(writer, c);
+    fields::of(writer, c);
     return textOf(writer.take(), 0) + "\n";
 }
 
@@ -722,7 +722,7 @@ Case caseFromJson(std::string_view text)
     if (schema != kSchema)
         reject("schema", "is not \"" + std::string(kSchema) + "\"");
     Case c;
-    fields::ofCase(reader, c);
+    fields::of(reader, c);
     reader.finish();
     if (const std::string broken = invalid(c); !broken.empty())
         throw std::runtime_error(broken);

@@ -11,6 +11,8 @@
 namespace vellum::check
 {
 
+using oracle::below;
+using oracle::chance;
 using oracle::Limits;
 using oracle::Random;
 
@@ -47,15 +49,6 @@ struct DeviceLimits {
 DeviceLimits limitsOf(const Device &gpu);
 
 using MakeCase = Case (*)(Random &random, const DeviceLimits &limits);
-
-inline uint32_t below(Random &random, uint32_t n)
-{
-    return static_cast<uint32_t>(random() % n);
-}
-inline bool chance(Random &random, uint32_t percent)
-{
-    return below(random, 100) < percent;
-}
 
 // Limits of a small scene that most groups use.
 Limits smallScene(const DeviceLimits &limits);

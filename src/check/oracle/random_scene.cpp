@@ -12,16 +12,6 @@ namespace vellum::check::oracle
 namespace
 {
 
-uint32_t below(Random &random, uint32_t n)
-{
-    return static_cast<uint32_t>(random() % n);
-}
-
-bool chance(Random &random, uint32_t percent)
-{
-    return below(random, 100) < percent;
-}
-
 float between(Random &random, float low, float high)
 {
     return low + (high - low) * static_cast<float>(random() >> 8) / 16777216.0f;

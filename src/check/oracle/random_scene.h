@@ -12,6 +12,15 @@ namespace vellum::check::oracle
 
 using Random = std::mt19937;
 
+inline uint32_t below(Random &random, uint32_t n)
+{
+    return static_cast<uint32_t>(random() % n);
+}
+inline bool chance(Random &random, uint32_t percent)
+{
+    return below(random, 100) < percent;
+}
+
 // What random scenes may contain.
 struct Limits {
     bool micromaps = true;

@@ -292,7 +292,7 @@ void writeDepfile(const fs::path &path, const std::vector<BakeFileReport> &repor
     std::string text;
     for (const BakeFileReport &report : reports)
         text += ruleOf(report.job);
-    writeWhole(path, {reinterpret_cast<const uint8_t *>(text.data()), text.size()});
+    writeWhole(path, text);
 }
 
 // Prints errors and problems to stderr, a line each.

@@ -154,9 +154,7 @@ void declareFiles(CLI::App &command, BakeCommandOptions &options, RawFileOptions
         ->type_name("BYTES");
     command.option_defaults()->group(kGeneral);
     command.add_flag("-q,--quiet", options.quiet, "Print errors only");
-    command.add_option("-j,--threads", options.threads, "Number of threads [one for each processor]")
-        ->check(wholeBetween(0, kMostBakeThreads))
-        ->type_name("COUNT");
+    addThreadsOption(command, options.threads);
 }
 
 void declareSelection(CLI::App &command, DocumentBakeOptions &options)
@@ -307,10 +305,8 @@ std::optional<uint32_t> parseLevel(const std::string &text)
 {
     if (text == "auto")
         return std::nullopt;
-    uint32_t level = 0;
-    const char *end = text.data() + text.size();
-    const auto read = std::from_chars(text.data(), end, level);
-    if (read.ec != std::errc() || read.ptr != end || level > shared::kMaxSubdivisionLevel)
+    const auto level = parseNumber<uint32_t>(text);
+    if (!level || *level > shared::kMaxSubdivisionLevel)
         throw UsageError("--level must be auto or a whole number between 0 and 12, got " + text);
     return level;
 }

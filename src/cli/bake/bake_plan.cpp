@@ -17,7 +17,6 @@
 #include "gltf/file/output_files.h"
 #include "gltf/micromaps/document_writer.h"
 #include "gltf/primitive.h"
-#include "job/depfile.h"
 #include "job/file_list.h"
 #include "job/log.h"
 

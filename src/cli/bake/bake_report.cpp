@@ -59,18 +59,6 @@ size_t micromapBytes(const BakeFileReport &file)
     return bytes;
 }
 
-std::string levelsText(const BakedReport &primitive)
-{
-    const auto used = [](size_t count) { return count != 0; };
-    const auto first = std::find_if(primitive.levels.begin(), primitive.levels.end(), used);
-    if (first == primitive.levels.end())
-        return "-";
-    const auto last = std::find_if(primitive.levels.rbegin(), primitive.levels.rend(), used).base() - 1;
-    const auto low = first - primitive.levels.begin();
-    const auto high = last - primitive.levels.begin();
-    return low == high ? std::to_string(low) : fmt::format("{}-{}", low, high);
-}
-
 // "tree.glb -> tree.omm.glb"
 std::string namesOf(const BakeJob &job)
 {
@@ -130,23 +118,6 @@ std::string summary(const BakeFileReport &file)
     return text + cautionText(file);
 }
 
-using Row = std::vector<std::string>;
-
-// Aligns the first two columns to the left, the others to the right.
-void printRows(const std::vector<Row> &rows)
-{
-    std::vector<size_t> widths(rows.front().size());
-    for (const Row &row : rows)
-        for (size_t i = 0; i < row.size(); ++i)
-            widths[i] = std::max(widths[i], row[i].size());
-    for (const Row &row : rows) {
-        std::string line = " ";
-        for (size_t i = 0; i < row.size(); ++i)
-            line += i < 2 ? fmt::format(" {:<{}}", row[i], widths[i]) : fmt::format("  {:>{}}", row[i], widths[i]);
-        fmt::print("{}\n", line);
-    }
-}
-
 void write(const BakedReport &primitive, JsonWriter &json)
 {
     json.beginObject().member("primitive", primitive.primitive).member("material", primitive.material);
@@ -155,11 +126,7 @@ void write(const BakedReport &primitive, JsonWriter &json)
     if (!primitive.caution.empty())
         json.member("caution", primitive.caution);
     writeStates("special", primitive.special, json);
-    json.key("levels").beginObject();
-    for (size_t level = 0; level < primitive.levels.size(); ++level)
-        if (primitive.levels[level] != 0)
-            json.member(std::to_string(level), primitive.levels[level]);
-    json.end();
+    writeLevels(primitive.levels, json);
     writeStates("states", primitive.states, json);
     json.end();
 }
@@ -210,14 +177,14 @@ void printPrimitives(const BakeFileReport &file)
 {
     if (file.primitives.empty())
         return;
-    std::vector<Row> rows = {
+    std::vector<std::vector<std::string>> rows = {
         {"primitive", "material", "triangles", "with data", "levels", "transparent", "opaque", "unknown", "micromap"}};
     for (const BakedReport &p : file.primitives)
         rows.push_back({p.primitive, p.material, grouped(p.triangles),
-                        grouped(std::accumulate(p.levels.begin(), p.levels.end(), size_t{0})), levelsText(p),
+                        grouped(std::accumulate(p.levels.begin(), p.levels.end(), uint64_t{0})), levelsText(p.levels),
                         percent(p.states[0]), percent(p.states[1]), percent(p.states[2] + p.states[3]),
                         std::to_string(p.micromap)});
-    printRows(rows);
+    fmt::print("{}", alignedRows(rows, 2, "  "));
     fmt::print("  shares are of triangles, each counted alike\n");
 }
 

@@ -22,12 +22,12 @@ struct BakedReport {
     std::string primitive; // `mesh 2 "leaves" primitive 0`
     std::string material;
     size_t triangles = 0;
-    std::array<size_t, 4> special{}; // triangles with a special index, by State
-    size_t varying = 0;              // triangles that are unknown because the alphas of their vertices differ
-    std::array<size_t, 13> levels{}; // the other triangles by level
-    std::array<double, 4> states{};  // shares of State, each triangle counted alike
-    size_t micromap = 0;             // the number of its micromap
-    std::string caution;             // BakedPrimitive::caution
+    std::array<size_t, 4> special{};   // triangles with a special index, by State
+    size_t varying = 0;                // triangles that are unknown because the alphas of their vertices differ
+    std::array<uint64_t, 13> levels{}; // the other triangles by level
+    std::array<double, 4> states{};    // shares of State, each triangle counted alike
+    size_t micromap = 0;               // the number of its micromap
+    std::string caution;               // BakedPrimitive::caution
 };
 
 struct BakeFileReport {

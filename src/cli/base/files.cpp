@@ -7,7 +7,7 @@
 #include "base/error.h"
 #include "core/utf8_path.h"
 #include "gltf/file/gltf_error.h"
-#include "gltf/file/new_file.h"
+#include "gltf/file/open_file.h"
 #include "gltf/file/output_files.h"
 
 namespace vellum::cli
@@ -105,6 +105,11 @@ void writeData(const std::filesystem::path &path, std::span<const uint8_t> bytes
 namespace
 {
 
+std::span<const uint8_t> bytesOf(std::string_view text)
+{
+    return {reinterpret_cast<const uint8_t *>(text.data()), text.size()};
+}
+
 bool isOwnJson(std::string_view start)
 {
     if (!start.starts_with(kJsonMark[0]))
@@ -190,6 +195,16 @@ void writeWhole(const std::filesystem::path &path, std::span<const uint8_t> byte
     } catch (const GltfError &error) {
         throw Error(error.what());
     }
+}
+
+void writeData(const std::filesystem::path &path, std::string_view text, std::optional<DataOutput> &data)
+{
+    writeData(path, bytesOf(text), data);
+}
+
+void writeWhole(const std::filesystem::path &path, std::string_view text)
+{
+    writeWhole(path, bytesOf(text));
 }
 
 } // namespace vellum::cli

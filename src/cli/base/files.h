@@ -54,6 +54,7 @@ Document openDocument(const std::filesystem::path &path);
 
 // Writes a file, whole or not at all; for "-" to `data`, which must then be there. Throws Error.
 void writeData(const std::filesystem::path &path, std::span<const uint8_t> bytes, std::optional<DataOutput> &data);
+void writeData(const std::filesystem::path &path, std::string_view text, std::optional<DataOutput> &data);
 
 // This mark is in the first bytes of every HTML file that this command writes (of pictures: picture.h), and of the JSON
 // that belongs to a page, whose schema may have any number. A file with it may be replaced.
@@ -79,5 +80,6 @@ void checkWritable(const std::filesystem::path &path, bool force);
 
 // The file appears whole, whatever happens. Throws Error.
 void writeWhole(const std::filesystem::path &path, std::span<const uint8_t> bytes);
+void writeWhole(const std::filesystem::path &path, std::string_view text);
 
 } // namespace vellum::cli

@@ -17,7 +17,7 @@
 #include "cli/bench/timing.h"
 #include "cli/info/device_details.h"
 #include "core/utf8_path.h"
-#include "gpu/layer_path.h"
+#include "gpu/instance.h"
 #include "job/worker.h"
 #include "render/baked_scene.h"
 #include "render/grove.h"

@@ -11,7 +11,7 @@
 
 #include "gpu/device.h"
 #include "job/worker.h"
-#include "render/trace_pipeline.h"
+#include "render/renderer.h"
 
 namespace vellum::cli
 {

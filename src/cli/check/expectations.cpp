@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "cli/check/case_id.h"
+#include "cli/check/cases.h"
 #include "core/utf8_path.h"
 
 namespace vellum::cli
@@ -74,13 +74,13 @@ std::optional<Verdict> parseVerdict(const std::string &text)
     return found != std::end(kVerdicts) ? std::optional(found->first) : std::nullopt;
 }
 
-check::Status parseStatus(const std::string &text)
+std::optional<check::Status> parseStatus(const std::string &text)
 {
     using enum check::Status;
     for (const check::Status status : {Pass, Fail, Skip, Crash, Timeout, DeviceLost})
         if (text == nameOf(status))
             return status;
-    return Crash; // "Missing"
+    return std::nullopt;
 }
 
 const char *nameOf(check::Status status)

@@ -36,8 +36,8 @@ enum class Verdict {
 const char *nameOf(Verdict verdict);
 // Nothing for another text.
 std::optional<Verdict> parseVerdict(const std::string &text);
-// The status of results.json; that of a case that was not run is Crash.
-check::Status parseStatus(const std::string &text);
+// Nothing for another text.
+std::optional<check::Status> parseStatus(const std::string &text);
 bool isSuccess(Verdict verdict);
 // Better than the baseline. No success: the baseline is to be updated.
 bool isImprovement(Verdict verdict);

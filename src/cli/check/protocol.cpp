@@ -8,7 +8,7 @@
 #include "base/json_reader.h"
 #include "base/json_writer.h"
 #include "cli/base/files.h"
-#include "cli/check/case_id.h"
+#include "cli/check/cases.h"
 #include "cli/check/expectations.h"
 #include "core/utf8_path.h"
 #include "inspect/report_parts.h"
@@ -21,8 +21,6 @@ namespace
 
 constexpr std::array kRequests = {"describe", "run", "replay", "make", "separate"};
 constexpr std::array kEvents = {"device", "begin", "end", "error"};
-constexpr std::array kStatuses = {check::Status::Pass,  check::Status::Fail,    check::Status::Skip,
-                                  check::Status::Crash, check::Status::Timeout, check::Status::DeviceLost};
 
 std::string bytesOf(const std::string &hex)
 {
@@ -46,9 +44,8 @@ Kind kindOf(const std::string &name, const Names &names)
 
 check::Status statusOf(const std::string &name)
 {
-    for (const check::Status status : kStatuses)
-        if (name == nameOf(status))
-            return status;
+    if (const auto status = parseStatus(name))
+        return *status;
     throw Error("the status " + name + " is unknown");
 }
 

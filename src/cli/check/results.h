@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Results of cases, put together, in the forms in which they are printed and written.
+// Results of cases, put together, also those of several runs such as the shards of one, in the forms in which they are
+// printed and written.
 #pragma once
 
 #include <algorithm>
@@ -12,10 +13,9 @@
 #include <vector>
 
 #include "base/version.h"
-#include "cli/check/case_id.h"
+#include "cli/check/cases.h"
 #include "cli/check/expectations.h"
 #include "cli/check/protocol.h"
-#include "cli/check/results.h"
 #include "cli/check/runner.h"
 
 namespace vellum::cli
@@ -138,7 +138,20 @@ private:
     std::map<std::string, size_t> written_; // reproducers, by cause
 };
 
-// The file appears whole. Throws Error.
-void writeText(const std::filesystem::path &path, const std::string &text);
+// The results of several runs, such as the shards of one, as those of one run.
+struct MergedRuns {
+    RunFacts facts;
+    std::vector<CaseResult> results;
+};
+
+// The results of a run, which is given by its folder or by this file.
+std::filesystem::path resultsOf(const std::filesystem::path &run);
+// Why the results in a folder are not whole, "interrupted"; empty if they are, or are not there.
+std::string incompleteIn(const std::filesystem::path &folder);
+// Throws UsageError for other files, and for runs that do not belong together: of other versions of Vellum, devices,
+// seeds, selections or divisions, or with the same case.
+MergedRuns mergeRuns(const std::vector<std::filesystem::path> &runs);
+// Copies the files of their failures to the folder. Throws Error.
+void copyFailures(MergedRuns &runs, const OutputFolder &folder);
 
 } // namespace vellum::cli

@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 #include "base/process.h"
-#include "cli/check/worker_process.h"
+#include "cli/check/worker.h"
 
 namespace vellum::cli
 {

@@ -10,10 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "cli/check/case_id.h"
+#include "cli/check/cases.h"
 #include "cli/check/expectations.h"
 #include "cli/check/protocol.h"
-#include "cli/check/schedule.h"
 
 namespace vellum::cli
 {

@@ -1,15 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
-// The state of this machine: the Vulkan loader, the layer, drivers, devices.
+// The state of this machine: the Vulkan loader, the layer, drivers, devices; and the manifests that the loader looks
+// for.
 #pragma once
 
+#include <filesystem>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "base/json_writer.h"
 #include "cli/info/device_details.h"
-#include "cli/info/manifests.h"
 
 namespace vellum::cli
 {
+
+// The manifests that the Vulkan loader looks for: of drivers and of the layer.
+struct Manifest {
+    std::filesystem::path path;
+    std::filesystem::path library; // named by the manifest, absolute; a bare name is looked up by the system
+    std::string from;              // why it is looked at: "VK_DRIVER_FILES", "/usr/share/vulkan/icd.d"
+    std::string problem;           // why it cannot work; empty where none is known
+};
+
+// The manifests of drivers: those that VK_DRIVER_FILES or VK_ICD_FILENAMES names, or else those in the loader's
+// folders, and those of VK_ADD_DRIVER_FILES.
+std::vector<Manifest> findDriverManifests();
+
+// The manifests of the layer, in all folders in which the loader looks for explicit layers, and in `folder` (the one
+// next to this program), in that order.
+std::vector<Manifest> findLayerManifests(const std::filesystem::path &folder);
 
 struct LoaderReport {
     std::string loaderVersion;

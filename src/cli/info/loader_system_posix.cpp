@@ -12,24 +12,8 @@
 
 namespace vellum::cli
 {
-namespace
-{
 
 namespace fs = std::filesystem;
-
-// Quotes a text so that a shell takes it as one word.
-std::string quoted(const std::string &text)
-{
-    if (text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./+:,@%") ==
-        std::string::npos)
-        return text;
-    std::string result = "'";
-    for (const char c : text)
-        result += c == '\'' ? std::string("'\\''") : std::string(1, c);
-    return result + "'";
-}
-
-} // namespace
 
 // "Driver Discovery on Linux" in the loader's documentation lists them.
 std::vector<ManifestPlace> systemPlaces(ManifestKind kind)
@@ -100,7 +84,7 @@ bool isRelativeToManifest(const std::string &library)
 
 std::string commandToSet(const std::string &variable, const std::string &value, bool keepOld)
 {
-    return "export " + variable + "=" + quoted(value) + (keepOld ? ":$" + variable : "");
+    return "export " + variable + "=" + shellWord(value) + (keepOld ? ":$" + variable : "");
 }
 
 } // namespace vellum::cli

@@ -1,17 +1,52 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/manual/reference.h"
-
+// Writes the manual pages and the completions of shells into a folder, at build time, made from the declarations that
+// parse the command line: vellum-reference FOLDER VERSION DATE
 #include <algorithm>
 #include <cctype>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
 
-#include "cli/command_line.h"
 #include "cli/options/cli11.h"
+#include "cli/options/commands.h"
 #include "cli/options/options.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
 namespace
 {
+
+struct ReferenceOption {
+    std::vector<std::string> names; // "-m", "--mode"; of a positional argument none
+    std::string value;              // the operand: "WxH"; empty for a flag
+    std::vector<std::string> words; // the values that it takes, if these are all
+    std::string description;
+    bool positional = false;
+    bool folder = false; // takes a folder
+};
+
+struct ReferenceGroup {
+    std::string name; // "Output"
+    std::vector<ReferenceOption> options;
+};
+
+struct ReferenceCommand {
+    std::string name; // "render"; empty for the command itself
+    std::string usage;
+    std::string description;
+    std::string details; // printed by --help below the options
+    std::vector<ReferenceGroup> groups;
+
+    [[nodiscard]] std::vector<ReferenceOption> options() const; // of all groups
+};
+
+struct ManEdition {
+    std::string version;
+    std::string date; // 2026-01-31
+};
 
 // "alpha|omm" -> alpha, omm; empty for anything else.
 std::vector<std::string> wordsOf(const std::string &value)
@@ -56,8 +91,6 @@ ReferenceCommand read(const CLI::App &app, const std::string &name)
     return command;
 }
 
-} // namespace
-
 std::vector<ReferenceOption> ReferenceCommand::options() const
 {
     std::vector<ReferenceOption> all;
@@ -66,6 +99,7 @@ std::vector<ReferenceOption> ReferenceCommand::options() const
     return all;
 }
 
+// The command itself first, then its subcommands in their order.
 std::vector<ReferenceCommand> readCommands()
 {
     CLI::App app;
@@ -82,9 +116,6 @@ std::vector<ReferenceCommand> readCommands()
                         option.words.push_back(commands[i].name);
     return commands;
 }
-
-namespace
-{
 
 std::string joined(const std::vector<std::string> &words, const std::string &between)
 {
@@ -148,8 +179,6 @@ std::string zshArgument(const ReferenceOption &option)
     }
     return list;
 }
-
-} // namespace
 
 std::string bashCompletion(const std::vector<ReferenceCommand> &commands)
 {
@@ -243,9 +272,6 @@ std::string fishCompletion(const std::vector<ReferenceCommand> &commands)
     }
     return script;
 }
-
-namespace
-{
 
 std::string escaped(const std::string &text)
 {
@@ -371,8 +397,7 @@ std::string seeAlso(const std::vector<ReferenceCommand> &commands, const Referen
     return page + separator + ".BR VK_LAYER_VELLUM_opacity_micromap (7)\n";
 }
 
-} // namespace
-
+// vellum.1
 std::string manPage(const std::vector<ReferenceCommand> &commands, const ManEdition &edition)
 {
     const ReferenceCommand &own = commands.front();
@@ -386,6 +411,7 @@ std::string manPage(const std::vector<ReferenceCommand> &commands, const ManEdit
     return page + optionsOf(own) + detailsOf(own.details) + kFiles + seeAlso(commands, own);
 }
 
+// vellum-bake.1 and so on: of commands[number].
 std::string manPageOf(const std::vector<ReferenceCommand> &commands, size_t number, const ManEdition &edition)
 {
     const ReferenceCommand &command = commands.at(number);
@@ -400,4 +426,34 @@ std::string manPageOf(const std::vector<ReferenceCommand> &commands, size_t numb
     return page + kFiles + seeAlso(commands, command);
 }
 
+} // namespace
 } // namespace vellum::cli
+
+int main(int argc, char **argv)
+{
+    using namespace vellum::cli;
+    if (argc != 4) {
+        std::fprintf(stderr, "usage: vellum-reference FOLDER VERSION DATE\n");
+        return 1;
+    }
+    const std::filesystem::path folder = argv[1];
+    bool written = true;
+    const auto write = [&](const std::string &name, const std::string &text) {
+        std::ofstream file(folder / name, std::ios::binary);
+        file << text;
+        file.close();
+        if (!file)
+            std::fprintf(stderr, "%s cannot be written\n", vellum::utf8Text(folder / name).c_str());
+        written = written && !file.fail();
+    };
+    const std::vector<ReferenceCommand> commands = readCommands();
+    const ManEdition edition{argv[2], argv[3]};
+    for (size_t i = 1; i < commands.size(); ++i)
+        if (commands[i].name != "help")
+            write("vellum-" + commands[i].name + ".1", manPageOf(commands, i, edition));
+    write("vellum.1", manPage(commands, edition));
+    write("vellum.bash", bashCompletion(commands));
+    write("_vellum", zshCompletion(commands));
+    write("vellum.fish", fishCompletion(commands));
+    return written ? 0 : 1;
+}

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -26,5 +27,13 @@ std::function<int()> declareRunCommand(CLI::App &app, const std::vector<std::str
 std::function<int()> declareSpirvCommand(CLI::App &app);
 std::function<int()> declareSweepCommand(CLI::App &app);
 std::function<int()> declareVerifyCommand(CLI::App &app);
+
+// Adds all subcommands and their options. `words`: the command line, which `vellum run` takes a program from. Returns
+// what runs each of them.
+std::map<std::string, std::function<int()>> declareCommands(CLI::App &app, const std::vector<std::string> &words);
+
+// Parses the command line, without the name of the program, and runs the command it names. Prints what --help and
+// --version request. Returns the process's exit code; throws Error, GltfError or BakeError.
+int runCommandLine(const std::vector<std::string> &words);
 
 } // namespace vellum::cli

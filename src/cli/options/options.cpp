@@ -2,7 +2,6 @@
 #include "cli/options/options.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstdlib>
 #include <fmt/format.h>
@@ -11,6 +10,7 @@
 
 #include "base/files.h"
 #include "base/process.h"
+#include "base/text.h"
 #include "cli/options/cli11.h"
 
 namespace vellum::cli
@@ -19,21 +19,12 @@ namespace
 {
 
 template <typename Number>
-std::optional<Number> numberIn(const std::string &text)
-{
-    Number number{};
-    const char *end = text.data() + text.size();
-    const auto [last, error] = std::from_chars(text.data(), end, number);
-    return error == std::errc() && last == end ? std::optional(number) : std::nullopt;
-}
-
-template <typename Number>
 CLI::Validator numberWhere(bool (*holds)(Number number, Number low, Number high), Number low, Number high,
                            std::string rule)
 {
     return CLI::Validator(
         [=](std::string &text) {
-            const std::optional<Number> number = numberIn<Number>(text);
+            const std::optional<Number> number = parseNumber<Number>(text);
             return number && holds(*number, low, high) ? std::string() : fmt::format("must be {}, got {}", rule, text);
         },
         "");
@@ -116,6 +107,21 @@ void addDeviceOption(CLI::App &command, gpu::DeviceSelection &device)
             "-d,--device", [&device](const std::string &text) { device = gpu::DeviceSelection(text); },
             "The Vulkan device: its number, as vellum info prints it, or a part of its name [the most powerful]")
         ->type_name("DEVICE");
+}
+
+void addLayerPathOption(CLI::App &command, std::optional<std::filesystem::path> &folder)
+{
+    command
+        .add_option("--layer-path", folder,
+                    "Folder of the layer's manifest, instead of the one installed with this program")
+        ->type_name("FOLDER");
+}
+
+void addThreadsOption(CLI::App &command, unsigned &threads)
+{
+    command.add_option("-j,--threads", threads, "Number of threads [one for each processor]")
+        ->check(wholeBetween(0, kMostBakeThreads))
+        ->type_name("COUNT");
 }
 
 namespace

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -61,7 +62,9 @@ CLI::Option &addBlendOptions(CLI::App &command, bool &blend, std::optional<float
 void addToleranceOptions(CLI::App &command, bool &exact, const std::array<double *, 4> &values,
                          std::optional<double> most = std::nullopt);
 
-// Adds --device.
+// Add --device, --layer-path and --threads.
 void addDeviceOption(CLI::App &command, gpu::DeviceSelection &device);
+void addLayerPathOption(CLI::App &command, std::optional<std::filesystem::path> &folder);
+void addThreadsOption(CLI::App &command, unsigned &threads);
 
 } // namespace vellum::cli

@@ -46,18 +46,6 @@ SweptFile sweepFile(const std::filesystem::path &path, const DocumentBakeOptions
     return file;
 }
 
-std::string levelsText(const SweepRow &row)
-{
-    size_t low = row.levels.size();
-    size_t high = 0;
-    for (size_t level = 0; level < row.levels.size(); ++level)
-        if (row.levels[level] != 0) {
-            low = std::min(low, level);
-            high = level;
-        }
-    return low > high ? "-" : low == high ? std::to_string(low) : fmt::format("{}-{}", low, high);
-}
-
 Sweep sweepFiles(const SweepOptions &options)
 {
     Sweep sweep;
@@ -144,18 +132,9 @@ void printSweep(const Sweep &sweep)
     std::vector<std::vector<std::string>> table;
     for (const auto &cells : tableOf(sweep)) {
         table.emplace_back(cells.begin(), cells.end());
-        table.back().push_back(table.size() == 1 ? "levels" : levelsText(sweep.rows[table.size() - 2]));
+        table.back().push_back(table.size() == 1 ? "levels" : levelsText(sweep.rows[table.size() - 2].levels));
     }
-    std::vector<size_t> widths(table.front().size());
-    for (const auto &line : table)
-        for (size_t i = 0; i < widths.size(); ++i)
-            widths[i] = std::max(widths[i], line[i].size());
-    for (const auto &line : table) {
-        fmt::print("  {:<{}}", line[0], widths[0]);
-        for (size_t i = 1; i < widths.size(); ++i)
-            fmt::print("  {:>{}}", line[i], widths[i]);
-        fmt::print("\n");
-    }
+    fmt::print("{}", alignedRows(table, 1, "  "));
     if (sweep.recommendation)
         fmt::print("recommended: {}: {}\n", sweep.recommendation->options, sweep.recommendation->reason);
     fmt::print("{}\n", kBytesText);
@@ -214,10 +193,8 @@ int sweepCommand(const SweepOptions &options)
         const std::string text = exclusionsText(sweep);
         throw Error("no primitive gets a micromap" + (text.empty() ? "" : ": " + text));
     }
-    if (options.output && !sweep.rows.empty()) {
-        const std::string text = suffixOf(*options.output) == ".svg" ? sweepChart(sweep) : sweepPage(sweep);
-        writeData(*options.output, {reinterpret_cast<const uint8_t *>(text.data()), text.size()}, data);
-    }
+    if (options.output && !sweep.rows.empty())
+        writeData(*options.output, suffixOf(*options.output) == ".svg" ? sweepChart(sweep) : sweepPage(sweep), data);
     if (options.json)
         printSweepJson(sweep, options);
     else if (!sweep.rows.empty())

@@ -2,6 +2,7 @@
 #include <memory>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "cli/bake/bake.h"
 #include "cli/base/files.h"
 #include "cli/options/cli11.h"
@@ -50,21 +51,7 @@ void declareSweep(CLI::App &command, SweepOptions &options)
     command.add_flag("--json", options.json, "Print the table as JSON, also for each file");
     command.option_defaults()->group(kGeneral);
     command.add_flag("-q,--quiet", options.quiet, "Print errors only");
-    command.add_option("-j,--threads", options.threads, "Number of threads [one for each processor]")
-        ->check(wholeBetween(0, kMostBakeThreads))
-        ->type_name("COUNT");
-}
-
-// As a word of a shell's command.
-std::string quoted(const std::string &value)
-{
-    constexpr const char *kPlain = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+-./:=@_";
-    if (!value.empty() && value.find_first_not_of(kPlain) == std::string::npos)
-        return value;
-    std::string text = "'";
-    for (const char c : value)
-        text += c == '\'' ? "'\\''" : std::string(1, c);
-    return text + "'";
+    addThreadsOption(command, options.threads);
 }
 
 } // namespace
@@ -85,7 +72,7 @@ std::function<int()> declareSweepCommand(CLI::App &app)
         for (const CLI::Option *option : baking)
             for (const std::string &value : option->results())
                 options->given +=
-                    " " + option->get_name() + (option->get_expected_max() == 0 ? "" : " " + quoted(value));
+                    " " + option->get_name() + (option->get_expected_max() == 0 ? "" : " " + shellWord(value));
         if (options->json && options->output == "-")
             throw UsageError("--json and an output to stdout exclude each other");
         if (options->output) {

@@ -7,7 +7,7 @@
 #include "base/picture.h"
 #include "base/text.h"
 #include "cli/sweep/sweep.h"
-#include "inspect/plain_page.h"
+#include "inspect/page.h"
 
 namespace vellum::cli
 {

@@ -1,15 +1,60 @@
 // SPDX-License-Identifier: Apache-2.0
-// Typed, bounds-checked reading of glTF accessors, sparse ones included.
+// The bytes of a file's buffer views, compressed ones included, and typed, bounds-checked reading of accessors, sparse
+// ones included.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
-#include "gltf/data/buffer_views.h"
+#include "gltf/file/model.h"
 
 namespace vellum
 {
+
+// The buffer views of one model, which must outlive this. Any thread may read.
+class BufferViews
+{
+public:
+    explicit BufferViews(const gltf_json::Model &model) : model_(model)
+    {
+        for (const gltf_json::Buffer &buffer : model.buffers)
+            bufferBytes_ += buffer.data.size();
+    }
+
+    [[nodiscard]] const gltf_json::Model &model() const { return model_; }
+
+    // Decompresses a view with EXT_meshopt_compression or KHR_meshopt_compression at the first call, and keeps the
+    // result. Throws GltfError, which begins with `what`, where the view does not exist, reaches outside of its buffer
+    // or cannot be decompressed.
+    [[nodiscard]] std::span<const uint8_t> bytes(int view, const std::string &what) const;
+
+    // Returns whether a compressed view has uncompressed fallback data, for readers that do not know the compression,
+    // that differs from its own.
+    [[nodiscard]] bool differsFromFallback(int view, const std::string &what) const;
+
+    // Counts numbers that were read. Throws GltfError, which begins with `what`, where they are many times those of the
+    // file: a small file can have many primitives that share large accessors.
+    void countRead(uint64_t numbers, const std::string &what) const;
+
+private:
+    [[nodiscard]] std::span<const uint8_t> stored(int buffer, size_t offset, size_t length,
+                                                  const std::string &name) const;
+    [[nodiscard]] std::span<const uint8_t> decompressed(int view, const std::string &name) const;
+    void account(size_t bytes) const;
+
+    const gltf_json::Model &model_;
+    uint64_t bufferBytes_ = 0; // of all buffers
+    mutable std::mutex mutex_;
+    mutable std::map<int, std::vector<uint8_t>> decompressed_;
+    mutable std::optional<uint64_t> allowance_; // of bytes to decompress to
+    mutable std::atomic<uint64_t> read_{0};     // numbers
+};
 
 // In all of these, `what` names the accessor in the GltfError that is thrown if it does not exist, is of another type,
 // contradicts itself or reaches outside its buffer.

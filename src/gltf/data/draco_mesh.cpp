@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gltf/data/draco_mesh.h"
+#include "gltf/data/decompress.h"
 
 #include <algorithm>
 #include <draco/compression/config/decoder_options.h>

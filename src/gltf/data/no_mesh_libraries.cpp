@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Builds without Draco and meshoptimizer reject compressed geometry.
 #include "gltf/data/decompress.h"
-#include "gltf/data/draco_mesh.h"
 #include "gltf/file/gltf_error.h"
 
 namespace vellum

@@ -5,7 +5,7 @@
 #include <tuple>
 
 #include "gltf/file/gltf_error.h"
-#include "gltf/file/input_file.h"
+#include "gltf/file/open_file.h"
 #include "gltf/file/uri.h"
 
 namespace vellum

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "gltf/file/new_file.h"
+#include "gltf/file/open_file.h"
 
 namespace vellum
 {

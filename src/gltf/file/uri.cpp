@@ -10,7 +10,7 @@
 #include "base/text.h"
 #include "core/utf8_path.h"
 #include "gltf/file/gltf_error.h"
-#include "gltf/file/input_file.h"
+#include "gltf/file/open_file.h"
 
 namespace vellum
 {

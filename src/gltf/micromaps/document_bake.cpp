@@ -322,9 +322,7 @@ std::span<const int32_t> DocumentBaker::takeResult(Source &source, const Microma
         stored.triangles = {{0, 0, options_.bake.format}};
         stored.data = {static_cast<uint8_t>(two ? State::Opaque : State::UnknownOpaque)};
     }
-    Micromap counted;
-    counted.triangles = stored.triangles;
-    stored.usage = counted.buildUsage();
+    stored.usage = usageOf(stored.triangles);
     const auto numberOf = [&used](int32_t index) {
         return static_cast<int32_t>(std::lower_bound(used.begin(), used.end(), index) - used.begin());
     };

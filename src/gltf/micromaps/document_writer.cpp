@@ -12,7 +12,7 @@
 #include "core/hash.h"
 #include "gltf/file/container.h"
 #include "gltf/file/gltf_error.h"
-#include "gltf/file/json_edit.h"
+#include "gltf/file/json_tree.h"
 #include "gltf/file/uri.h"
 
 namespace vellum

@@ -1,21 +1,80 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gltf/micromaps/extension_reader.h"
-
+// Reads the extension and collects whatever breaks a rule on the way.
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <limits>
 #include <map>
 #include <numeric>
+#include <optional>
 #include <set>
+#include <span>
+#include <string>
+#include <vector>
 
 #include "core/curve.h"
 #include "gltf/data/accessor.h"
+#include "gltf/document.h"
+#include "gltf/file/json_tree.h"
+#include "gltf/micromaps/stored_micromaps.h"
 
 namespace vellum
 {
 namespace
 {
+
+class ExtensionReader
+{
+public:
+    // Stops at `most` findings.
+    ExtensionReader(const Document &document, size_t most);
+
+    // Implements lossOfMicromaps().
+    [[nodiscard]] std::optional<std::string> loss() const;
+    // Reads the micromaps that are whole, and leaves the others empty.
+    StoredMicromaps read();
+    [[nodiscard]] std::vector<MicromapFinding> takeFindings() { return std::move(findings_); }
+
+private:
+    // Thrown at the first finding of an element or a primitive after which the rest of it has no meaning.
+    struct Broken {
+    };
+
+    void note(const std::string &message);
+    [[noreturn]] void fail(const std::string &message);
+    [[nodiscard]] bool full() const { return findings_.size() >= most_; }
+    template <typename Read>
+    void at(std::string place, Read &&read);
+
+    void findExtension();
+    void readMicromap(const JsonValue &element, StoredMicromap &micromap);
+    void readUsage(const JsonValue &element, StoredMicromap &micromap);
+    void readRecords(const JsonValue &element, StoredMicromap &micromap);
+    void checkRecords(const StoredMicromap &micromap);
+    void checkOverlap(const StoredMicromap &micromap);
+    void checkUsage(const StoredMicromap &micromap);
+    void readMesh(uint32_t mesh, const JsonValue &value);
+    void readPrimitive(PrimitivePlace place, const JsonValue &extension);
+    uint64_t triangleCount(PrimitivePlace place);
+    std::vector<int32_t> readIndices(int64_t accessor, uint64_t triangles);
+    void checkIndices(const PrimitiveMicromap &primitive, size_t records);
+
+    int64_t required(const JsonValue &object, const char *name);
+    std::vector<int64_t> requiredList(const JsonValue &object, const char *name);
+    std::span<const uint8_t> view(int64_t index, const char *name);
+    // Many elements may name one buffer view: what is copied out of the file is bounded.
+    void account(size_t bytes);
+
+    const Document &document_;
+    JsonValue root_;
+    size_t most_;
+    std::string place_;
+    std::vector<MicromapFinding> findings_;
+    uint64_t allowance_;
+    StoredMicromaps stored_;
+    std::vector<bool> whole_; // by micromap
+};
 
 constexpr size_t kRecordBytes = 8;
 
@@ -483,6 +542,30 @@ std::optional<float> blendCutoffOf(const JsonValue &root)
         return std::nullopt;
     }
     return std::nullopt;
+}
+
+std::optional<std::string> lossOfMicromaps(const Document &document)
+{
+    return document.named([&] { return ExtensionReader(document, 1).loss(); });
+}
+
+CheckedMicromaps checkMicromaps(const Document &document, size_t most)
+{
+    return document.named([&] {
+        ExtensionReader reader(document, most);
+        StoredMicromaps stored = reader.read();
+        return CheckedMicromaps{std::move(stored), reader.takeFindings()};
+    });
+}
+
+StoredMicromaps readMicromaps(const Document &document)
+{
+    return document.named([&] {
+        CheckedMicromaps checked = checkMicromaps(document, 1);
+        for (const MicromapFinding &finding : checked.findings)
+            throw GltfError(finding.place + ": " + finding.message);
+        return std::move(checked.stored);
+    });
 }
 
 } // namespace vellum

@@ -6,7 +6,7 @@
 
 #include "core/utf8_path.h"
 #include "gltf/file/gltf_error.h"
-#include "gltf/file/input_file.h"
+#include "gltf/file/open_file.h"
 #include "gltf/file/output_files.h"
 #include "gltf/file/uri.h"
 #include "gltf/micromaps/document_writer.h"

@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-#include "gltf/micromaps/state_counter.h"
+#include "gltf/micromaps/stored_micromaps.h"
 
 namespace vellum
 {

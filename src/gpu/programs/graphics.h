@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "gpu/launch_plan.h"
+#include "gpu/launch.h"
 
 namespace vellum::gpu
 {

@@ -2,7 +2,7 @@
 // A pipeline that runs one shader, of any stage, once for each of a number of rays.
 #pragma once
 
-#include "gpu/launch_plan.h"
+#include "gpu/launch.h"
 
 #include <memory>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The data of the file: `facts`, and the numbers of page_data.h as typed arrays.
+// The data of the file: `facts`, and the numbers of page.h as typed arrays.
 const facts = JSON.parse(document.getElementById("facts").textContent);
 
 // State names by number, and the order in which they are listed.

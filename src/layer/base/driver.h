@@ -34,6 +34,7 @@ struct EnabledFeatures {
     bool rayQueries = false;      // VkPhysicalDeviceRayQueryFeaturesKHR::rayQuery
     bool rayTracingPipelines = false;
     bool pipelineMicromaps = false; // VK_ARM_pipeline_opacity_micromap
+    bool descriptorHeaps = false;   // VkPhysicalDeviceDescriptorHeapFeaturesEXT::descriptorHeap
     bool otherStructures = false;   // an extension that may build acceleration structures by commands of its own
 
     [[nodiscard]] bool any() const { return ext || khr || addressCommands || pipelineMicromaps; }

@@ -7,6 +7,7 @@
 #include "layer/base/pnext.h"
 #include "layer/base/undo.h"
 #include "layer/command_buffer/device_command_buffers.h"
+#include "layer/memory/buffers.h"
 
 namespace vellum::layer
 {
@@ -33,6 +34,15 @@ void rememberPush(CommandState &state, VkPipelineLayout layout, VkShaderStageFla
     const auto *const bytes = static_cast<const std::byte *>(values);
     push.bytes.assign(bytes, bytes + size);
     state.pushes.push_back(std::move(push));
+}
+
+// Notes that a command buffer uses descriptor heaps.
+CommandState *enterHeaps(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer)
+{
+    CommandState *const state = device.states.get(commandBuffer);
+    if (state)
+        state->setHeaps(true);
+    return state;
 }
 
 // Gives back what the recorded commands used; with `all`, also memory for further ones.
@@ -132,6 +142,13 @@ void CommandState::forgetBindings()
     pushes.clear();
 }
 
+void CommandState::setHeaps(bool used)
+{
+    if (heaps != used)
+        pushes.clear();
+    heaps = used;
+}
+
 VkResult allocateCommandBuffers(DeviceCommandBuffers &device, VkDevice handle, const VkCommandBufferAllocateInfo *info,
                                 VkCommandBuffer *buffers)
 {
@@ -208,12 +225,14 @@ VkResult beginCommandBuffer(DeviceCommandBuffers &device, VkCommandBuffer comman
         state->scratch.setShared(shared);
         state->hitTables.setShared(shared);
         // pInheritanceInfo is ignored for primary command buffers, and may be anything.
-        const auto *inherited = state->secondary && info->pInheritanceInfo
-                                    ? findInChain<VkCommandBufferInheritanceConditionalRenderingInfoEXT>(
-                                          info->pInheritanceInfo->pNext,
-                                          VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_CONDITIONAL_RENDERING_INFO_EXT)
-                                    : nullptr;
-        state->inheritsConditionalRendering = inherited && inherited->conditionalRenderingEnable;
+        const void *inherited = state->secondary && info->pInheritanceInfo ? info->pInheritanceInfo->pNext : nullptr;
+        const auto *condition = findInChain<VkCommandBufferInheritanceConditionalRenderingInfoEXT>(
+            inherited, VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_CONDITIONAL_RENDERING_INFO_EXT);
+        state->inheritsConditionalRendering = condition && condition->conditionalRenderingEnable;
+        const auto *heaps = findInChain<VkCommandBufferInheritanceDescriptorHeapInfoEXT>(
+            inherited, VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_DESCRIPTOR_HEAP_INFO_EXT);
+        state->heaps = device.driver.enabled.descriptorHeaps && heaps &&
+                       (heaps->pSamplerHeapBindInfo || heaps->pResourceHeapBindInfo);
     }
     device.onBegin();
     return device.driver.next.BeginCommandBuffer(commandBuffer, info);
@@ -248,8 +267,10 @@ void cmdBindShaders(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
 void cmdPushConstants(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, VkPipelineLayout layout,
                       VkShaderStageFlags stages, uint32_t offset, uint32_t size, const void *values)
 {
-    if (const auto state = device.states.get(commandBuffer))
+    if (const auto state = device.states.get(commandBuffer)) {
+        state->setHeaps(false);
         rememberPush(*state, layout, stages, offset, size, values);
+    }
     device.driver.next.CmdPushConstants(commandBuffer, layout, stages, offset, size, values);
 }
 
@@ -258,15 +279,47 @@ void cmdPushConstants2(DeviceCommandBuffers &device, VkCommandBuffer commandBuff
     // With a null layout the structure carries a VkPipelineLayoutCreateInfo, which cannot be kept for a later
     // vkCmdPushConstants. No known driver has both that feature (dynamicPipelineLayout of
     // VK_NV_per_stage_descriptor_set) and ray tracing.
-    if (const auto state = device.states.get(commandBuffer); state && info->layout)
-        rememberPush(*state, info->layout, info->stageFlags, info->offset, info->size, info->pValues);
+    if (const auto state = device.states.get(commandBuffer)) {
+        state->setHeaps(false);
+        if (info->layout)
+            rememberPush(*state, info->layout, info->stageFlags, info->offset, info->size, info->pValues);
+    }
     device.driver.next.CmdPushConstants2KHR(commandBuffer, info);
+}
+
+void cmdBindSamplerHeap(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const VkBindHeapInfoEXT *info)
+{
+    enterHeaps(device, commandBuffer);
+    device.driver.next.CmdBindSamplerHeapEXT(commandBuffer, info);
+}
+
+void cmdBindResourceHeap(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const VkBindHeapInfoEXT *info)
+{
+    enterHeaps(device, commandBuffer);
+    device.driver.next.CmdBindResourceHeapEXT(commandBuffer, info);
+}
+
+void cmdPushData(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const VkPushDataInfoEXT *info)
+{
+    if (CommandState *const state = enterHeaps(device, commandBuffer))
+        rememberPush(*state, VK_NULL_HANDLE, VK_SHADER_STAGE_ALL, info->offset, static_cast<uint32_t>(info->data.size),
+                     info->data.address);
+    device.driver.next.CmdPushDataEXT(commandBuffer, info);
+}
+
+void cmdBindDescriptorBuffers(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, uint32_t count,
+                              const VkDescriptorBufferBindingInfoEXT *infos)
+{
+    if (CommandState *const state = device.states.get(commandBuffer))
+        state->setHeaps(false);
+    bindDescriptorBuffers(device.buffers, commandBuffer, count, infos);
 }
 
 void cmdExecuteCommands(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, uint32_t count,
                         const VkCommandBuffer *buffers)
 {
-    // All state of the primary is undefined after it ("Secondary Command Buffer Execution").
+    // All state of the primary is undefined after it, except heaps that every secondary inherited ("Secondary Command
+    // Buffer Execution").
     if (const auto state = device.states.get(commandBuffer)) {
         state->forgetBindings();
         state->hitTables.forget();

@@ -37,7 +37,12 @@ struct CommandState {
     VkPipeline computePipeline = VK_NULL_HANDLE;
     VkPipeline rayTracingPipeline = VK_NULL_HANDLE;
     std::optional<VkShaderEXT> computeShader; // bound last instead of a pipeline; may be null
-    std::vector<PushedConstants> pushes;      // in the order of the commands, without overwritten ones
+    // Shaders find descriptors in heaps: heaps are bound or inherited, or data was pushed. Any such command invalidates
+    // descriptor sets and push constants, and any command that sets these invalidates heaps and push data (Using
+    // Heaps).
+    bool heaps = false;
+    // In the order of the commands, without overwritten ones. With `heaps`, push data, which has no layout or stages.
+    std::vector<PushedConstants> pushes;
     std::optional<VkConditionalRenderingBeginInfoEXT> conditionalRendering;
     bool inheritsConditionalRendering = false;
     // vkCmdBeginTransformFeedback2EXT was rejected; the next vkCmdEndTransformFeedback2EXT must be, too.
@@ -50,6 +55,7 @@ struct CommandState {
     std::unordered_set<std::shared_ptr<const void>> used;
 
     void forgetBindings();
+    void setHeaps(bool used);
 };
 
 // The states of all command buffers of a device. Every recorded command looks one up, mostly the same as the command
@@ -115,6 +121,11 @@ void cmdBindShaders(DeviceCommandBuffers &, VkCommandBuffer, uint32_t, const VkS
 void cmdPushConstants(DeviceCommandBuffers &, VkCommandBuffer, VkPipelineLayout, VkShaderStageFlags, uint32_t, uint32_t,
                       const void *);
 void cmdPushConstants2(DeviceCommandBuffers &, VkCommandBuffer, const VkPushConstantsInfoKHR *);
+void cmdBindSamplerHeap(DeviceCommandBuffers &, VkCommandBuffer, const VkBindHeapInfoEXT *);
+void cmdBindResourceHeap(DeviceCommandBuffers &, VkCommandBuffer, const VkBindHeapInfoEXT *);
+void cmdPushData(DeviceCommandBuffers &, VkCommandBuffer, const VkPushDataInfoEXT *);
+void cmdBindDescriptorBuffers(DeviceCommandBuffers &, VkCommandBuffer, uint32_t,
+                              const VkDescriptorBufferBindingInfoEXT *);
 void cmdExecuteCommands(DeviceCommandBuffers &, VkCommandBuffer, uint32_t, const VkCommandBuffer *);
 void cmdBeginConditionalRendering(DeviceCommandBuffers &, VkCommandBuffer, const VkConditionalRenderingBeginInfoEXT *);
 void cmdEndConditionalRendering(DeviceCommandBuffers &, VkCommandBuffer);

@@ -25,4 +25,19 @@ struct DeviceCommandBuffers {
     ProbeQueue probes{};                   // destroyed first: unfinished probes may use the other members
 };
 
+// A command that binds descriptor sets or descriptor buffers, or sets what they hold.
+template <auto command>
+struct SetCommand;
+template <typename... Arguments, void (VKAPI_PTR *DeviceTable::*command)(VkCommandBuffer, Arguments...)>
+struct SetCommand<command> {
+    static void call(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, Arguments... arguments)
+    {
+        if (CommandState *const state = device.states.get(commandBuffer))
+            state->setHeaps(false);
+        (device.driver.next.*command)(commandBuffer, arguments...);
+    }
+};
+template <auto command>
+inline constexpr auto leaveHeaps = &SetCommand<command>::call;
+
 } // namespace vellum::layer

@@ -31,20 +31,21 @@ InjectedPipelines::~InjectedPipelines()
 {
     if (!context_.next)
         return;
-    for (const VkPipeline pipeline : pipelines_) {
-        if (pipeline)
-            context_.next->DestroyPipeline(context_.device, pipeline, nullptr);
+    for (const auto &kind : pipelines_) {
+        for (const VkPipeline pipeline : kind)
+            if (pipeline)
+                context_.next->DestroyPipeline(context_.device, pipeline, nullptr);
     }
     if (layout_)
         context_.next->DestroyPipelineLayout(context_.device, layout_, nullptr);
 }
 
-VkPipeline InjectedPipelines::get(InjectedShader shader)
+VkPipeline InjectedPipelines::get(InjectedShader shader, bool heaps)
 {
-    std::atomic<VkPipeline> &pipeline = pipelines_[static_cast<size_t>(shader)];
+    std::atomic<VkPipeline> &pipeline = pipelines_[heaps ? 1 : 0][static_cast<size_t>(shader)];
     if (const VkPipeline known = pipeline.load(std::memory_order_acquire))
         return known;
-    const VkPipeline own = createPipeline(shader);
+    const VkPipeline own = createPipeline(shader, heaps);
     VkPipeline first = VK_NULL_HANDLE;
     if (!own || pipeline.compare_exchange_strong(first, own))
         return own;
@@ -52,7 +53,7 @@ VkPipeline InjectedPipelines::get(InjectedShader shader)
     return first;
 }
 
-VkPipeline InjectedPipelines::createPipeline(InjectedShader shader) const
+VkPipeline InjectedPipelines::createPipeline(InjectedShader shader, bool heaps) const
 {
     const std::span code = kInjectedWords[static_cast<size_t>(shader)];
     VkShaderModuleCreateInfo moduleInfo{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
@@ -69,7 +70,12 @@ VkPipeline InjectedPipelines::createPipeline(InjectedShader shader) const
                   module,
                   "main",
                   nullptr};
-    info.layout = layout_;
+    VkPipelineCreateFlags2CreateInfoKHR flags{VK_STRUCTURE_TYPE_PIPELINE_CREATE_FLAGS_2_CREATE_INFO_KHR, nullptr,
+                                              VK_PIPELINE_CREATE_2_DESCRIPTOR_HEAP_BIT_EXT};
+    if (heaps)
+        info.pNext = &flags;
+    else
+        info.layout = layout_;
     VkPipeline pipeline = VK_NULL_HANDLE;
     if (context_.next->CreateComputePipelines(context_.device, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline) !=
         VK_SUCCESS)
@@ -95,7 +101,7 @@ bool InjectedWork::rejectedIn(const DeviceCommandBuffers &device, VkCommandBuffe
 
 VkPipeline InjectedWork::pipelineOf(InjectedShader shader)
 {
-    const VkPipeline pipeline = device_.injected.get(shader);
+    const VkPipeline pipeline = device_.injected.get(shader, state_ && state_->heaps);
     if (!pipeline)
         device_.driver.report().error("VELLUM-injected-pipeline",
                                       "the driver could not create the pipeline of a shader of the layer");
@@ -108,7 +114,7 @@ bool InjectedWork::bind(InjectedShader shader, const void *push, uint32_t pushBy
     if (!pipeline)
         return false;
     const DeviceTable &next = device_.driver.next;
-    if (!disturbed_ && state_ && device_.driver.keepsOldPushConstants)
+    if (!disturbed_ && state_ && !state_->heaps && device_.driver.keepsOldPushConstants)
         pushed_ = pushedConstants(); // here, since the destructor must not allocate
     if (!disturbed_ && state_ && state_->conditionalRendering) {
         // Conditional rendering affects the application's draws and dispatches, but no builds.
@@ -118,8 +124,18 @@ bool InjectedWork::bind(InjectedShader shader, const void *push, uint32_t pushBy
     if (state_ && shader != InjectedShader::HitRecords)
         state_->hitTables.forget(); // builds may let indices of records reach further
     next.CmdBindPipeline(commandBuffer_, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
-    next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0, pushBytes, push);
+    if (state_ && state_->heaps)
+        pushData(0, push, pushBytes);
+    else
+        next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0, pushBytes,
+                              push);
     return true;
+}
+
+void InjectedWork::pushData(uint32_t offset, const void *data, size_t bytes)
+{
+    const VkPushDataInfoEXT info{VK_STRUCTURE_TYPE_PUSH_DATA_INFO_EXT, nullptr, offset, {data, bytes}};
+    device_.driver.next.CmdPushDataEXT(commandBuffer_, &info);
 }
 
 VkDispatchIndirectCommand InjectedWork::groupsOf(uint64_t invocations, uint32_t groupSize)
@@ -187,8 +203,11 @@ InjectedWork::~InjectedWork()
         next.CmdBindShadersEXT(commandBuffer_, 1, &stage, &*state_->computeShader);
     }
     for (const CommandState::PushedConstants &push : state_->pushes) {
-        next.CmdPushConstants(commandBuffer_, push.layout, push.stages, push.offset,
-                              static_cast<uint32_t>(push.bytes.size()), push.bytes.data());
+        if (state_->heaps)
+            pushData(push.offset, push.bytes.data(), push.bytes.size());
+        else
+            next.CmdPushConstants(commandBuffer_, push.layout, push.stages, push.offset,
+                                  static_cast<uint32_t>(push.bytes.size()), push.bytes.data());
     }
     if (state_->conditionalRendering)
         next.CmdBeginConditionalRenderingEXT(commandBuffer_, &*state_->conditionalRendering);

@@ -24,6 +24,7 @@ inline constexpr uint32_t kPushBytes = 128; // required minimum of maxPushConsta
 
 // The compute pipelines of the injected work. Each is created when it is first needed, without a lock: compilation
 // takes long, and other threads record meanwhile. Of threads that create the same one, the first to finish provides it.
+// Where a command buffer uses descriptor heaps, pipelines must be made for these, and push constants are push data.
 class InjectedPipelines
 {
 public:
@@ -31,16 +32,16 @@ public:
     // `pushBytes`: size of the layout's push constants, at least kPushBytes.
     VkResult create(const GpuContext &context, uint32_t pushBytes);
     // VK_NULL_HANDLE if the driver could not create it.
-    VkPipeline get(InjectedShader shader);
+    VkPipeline get(InjectedShader shader, bool heaps);
     [[nodiscard]] VkPipelineLayout layout() const { return layout_; }
     [[nodiscard]] uint32_t pushBytes() const { return pushBytes_; }
 
 private:
     GpuContext context_;
     uint32_t pushBytes_ = kPushBytes;
-    [[nodiscard]] VkPipeline createPipeline(InjectedShader shader) const;
+    [[nodiscard]] VkPipeline createPipeline(InjectedShader shader, bool heaps) const;
     VkPipelineLayout layout_ = VK_NULL_HANDLE;
-    std::array<std::atomic<VkPipeline>, kInjectedShaders> pipelines_{};
+    std::array<std::array<std::atomic<VkPipeline>, kInjectedShaders>, 2> pipelines_{}; // without and with heaps
 };
 
 // A sequence of injected commands. The destructor restores the application's compute pipeline or shader, push constants
@@ -97,6 +98,7 @@ private:
     [[nodiscard]] VkPipeline pipelineOf(InjectedShader shader);
     // Binds the pipeline of a shader and its push constants.
     bool bind(InjectedShader shader, const void *push, uint32_t pushBytes);
+    void pushData(uint32_t offset, const void *data, size_t bytes);
 
     DeviceCommandBuffers &device_;
     VkCommandBuffer commandBuffer_;

@@ -36,6 +36,7 @@ enum class Scope {
     Emulated,       // emulated devices, if the next layer has it
     Provided,       // emulated and translated devices, if the next layer has it
     Shaders,        // these, devices of Mode::Identifiers, and those on which assume_micromaps counts
+    Heaps,          // as Provided, with VK_EXT_descriptor_heap
     Ext,            // emulated devices with VK_EXT_opacity_micromap
     Address,        // devices with the layer's VK_KHR_device_address_commands
     AddressEnabled, // emulated and translated devices with VK_KHR_device_address_commands, of the layer or the driver
@@ -90,6 +91,7 @@ bool applies(Scope scope, const Driver &driver, PFN_vkVoidFunction next)
     case Scope::Emulated: return next && driver.emulated();
     case Scope::Shaders: return next && (driver.mode != Mode::PassThrough || driver.assumesMicromaps());
     case Scope::Provided: return next && provided;
+    case Scope::Heaps: return next && provided && driver.enabled.descriptorHeaps;
     case Scope::Ext: return driver.emulated() && driver.enabled.ext;
     case Scope::Address: return provided && driver.ownAddressCommands;
     case Scope::AddressEnabled: return provided && driver.enabled.addressCommands;

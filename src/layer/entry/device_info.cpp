@@ -51,6 +51,10 @@ EnabledFeatures enabledFeatures(const VkDeviceCreateInfo &info)
     if (const auto *features = featuresIn<VkPhysicalDeviceRayTracingPipelineFeaturesKHR>(
             info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR))
         enabled.rayTracingPipelines = features->rayTracingPipeline;
+    if (const auto *features = featuresIn<VkPhysicalDeviceDescriptorHeapFeaturesEXT>(
+            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DESCRIPTOR_HEAP_FEATURES_EXT))
+        enabled.descriptorHeaps =
+            features->descriptorHeap && enablesExtension(info, VK_EXT_DESCRIPTOR_HEAP_EXTENSION_NAME);
     return enabled;
 }
 

@@ -29,10 +29,6 @@ constexpr ConflictingExtension kConflicting[] = {
      static_cast<VkStructureType>(1000570000), 1},
     {"VK_AMDX_dense_geometry_format", "its triangles name micromaps in another way",
      static_cast<VkStructureType>(1000478000), 1, Translated::NotBesideKhr},
-    // "recording any non-heap descriptor state commands immediately invalidates" what vkCmdPushDataEXT pushed, and
-    // injected dispatches push constants.
-    {"VK_EXT_descriptor_heap", "injected commands would invalidate the heaps that are bound",
-     static_cast<VkStructureType>(1000135009), 2, Translated::NotBesideWork},
     // Injected dispatches bind pipelines and push constants, and only what this command buffer has bound is restored.
     {"VK_NV_command_buffer_inheritance", "injected commands would change the state that is inherited",
      static_cast<VkStructureType>(1000559000), 1, Translated::NotBesideWork},

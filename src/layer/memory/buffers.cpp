@@ -209,8 +209,8 @@ VkDeviceAddress getBufferDeviceAddress(DeviceBuffers &device, VkDevice handle, c
     return address;
 }
 
-void cmdBindDescriptorBuffers(DeviceBuffers &device, VkCommandBuffer commandBuffer, uint32_t count,
-                              const VkDescriptorBufferBindingInfoEXT *infos)
+void bindDescriptorBuffers(DeviceBuffers &device, VkCommandBuffer commandBuffer, uint32_t count,
+                           const VkDescriptorBufferBindingInfoEXT *infos)
 {
     // Either usage has to be that of the buffer (VUID-VkDescriptorBufferBindingInfoEXT-usage).
     std::vector<VkDescriptorBufferBindingInfoEXT> own(infos, infos + count);

@@ -39,6 +39,6 @@ void getDeviceBufferMemoryRequirements(DeviceBuffers &, VkDevice, const VkDevice
 VkResult allocateMemory(DeviceBuffers &, VkDevice, const VkMemoryAllocateInfo *, const VkAllocationCallbacks *,
                         VkDeviceMemory *);
 VkDeviceAddress getBufferDeviceAddress(DeviceBuffers &, VkDevice, const VkBufferDeviceAddressInfo *);
-void cmdBindDescriptorBuffers(DeviceBuffers &, VkCommandBuffer, uint32_t, const VkDescriptorBufferBindingInfoEXT *);
+void bindDescriptorBuffers(DeviceBuffers &, VkCommandBuffer, uint32_t, const VkDescriptorBufferBindingInfoEXT *);
 
 } // namespace vellum::layer

@@ -111,17 +111,6 @@ void cmdBindShaders(DeviceValidation &device, VkCommandBuffer commandBuffer, uin
     layer::cmdBindShaders(device.commands, commandBuffer, count, stages, shaders);
 }
 
-void cmdPushConstants(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineLayout layout,
-                      VkShaderStageFlags stages, uint32_t offset, uint32_t size, const void *values)
-{
-    layer::cmdPushConstants(device.commands, commandBuffer, layout, stages, offset, size, values);
-}
-
-void cmdPushConstants2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkPushConstantsInfoKHR *info)
-{
-    layer::cmdPushConstants2(device.commands, commandBuffer, info);
-}
-
 void cmdExecuteCommands(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
                         const VkCommandBuffer *buffers)
 {
@@ -138,17 +127,6 @@ void cmdExecuteCommands(DeviceValidation &device, VkCommandBuffer commandBuffer,
     if (const auto log = device.logs.get(commandBuffer))
         log->isSuspended = false; // they may have resumed the render pass instance
     layer::cmdExecuteCommands(device.commands, commandBuffer, count, buffers);
-}
-
-void cmdBeginConditionalRendering(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                                  const VkConditionalRenderingBeginInfoEXT *info)
-{
-    layer::cmdBeginConditionalRendering(device.commands, commandBuffer, info);
-}
-
-void cmdEndConditionalRendering(DeviceValidation &device, VkCommandBuffer commandBuffer)
-{
-    layer::cmdEndConditionalRendering(device.commands, commandBuffer);
 }
 
 void cmdPipelineBarrier(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineStageFlags from,

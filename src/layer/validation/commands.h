@@ -50,11 +50,23 @@ struct PassedOn<next> {
     }
 };
 
+template <auto function>
+struct Forwarded;
+template <typename... Arguments, void (*function)(DeviceCommandBuffers &, VkCommandBuffer, Arguments...)>
+struct Forwarded<function> {
+    static void call(DeviceValidation &device, VkCommandBuffer commandBuffer, Arguments... arguments)
+    {
+        function(device.commands, commandBuffer, arguments...);
+    }
+};
+
 namespace validation
 {
 
 #define VELLUM_VALIDATOR(command, function, ...) ValidatorOf<PFN_vk##command>::Type function;
 #define VELLUM_DEVICE(command, scope, implementation, ...) __VA_OPT__(VELLUM_VALIDATOR(command, __VA_ARGS__))
+#define VELLUM_STATE(command, scope, implementation, function)                                                         \
+    inline constexpr auto function = &Forwarded<layer::implementation>::call;
 #define VELLUM_PASSED_ON(bindPoint, check, command, function)                                                          \
     inline constexpr CheckedCommand k##command{"vk" #command, VK_PIPELINE_BIND_POINT_##bindPoint};                     \
     inline constexpr auto function = &PassedOn<&DeviceTable::command>::call<k##command, check>;

@@ -250,14 +250,15 @@ void cmdBindDescriptorSets(DeviceValidation &device, VkCommandBuffer commandBuff
                            uint32_t offsetCount, const uint32_t *offsets)
 {
     bindSets(device, commandBuffer, stagesOf(point), first, count, sets);
-    device.next.CmdBindDescriptorSets(commandBuffer, point, layout, first, count, sets, offsetCount, offsets);
+    leaveHeaps<&DeviceTable::CmdBindDescriptorSets>(device.commands, commandBuffer, point, layout, first, count, sets,
+                                                    offsetCount, offsets);
 }
 
 void cmdBindDescriptorSets2(DeviceValidation &device, VkCommandBuffer commandBuffer,
                             const VkBindDescriptorSetsInfoKHR *info)
 {
     bindSets(device, commandBuffer, info->stageFlags, info->firstSet, info->descriptorSetCount, info->pDescriptorSets);
-    device.next.CmdBindDescriptorSets2KHR(commandBuffer, info);
+    leaveHeaps<&DeviceTable::CmdBindDescriptorSets2KHR>(device.commands, commandBuffer, info);
 }
 
 void cmdPushDescriptorSet(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
@@ -265,7 +266,8 @@ void cmdPushDescriptorSet(DeviceValidation &device, VkCommandBuffer commandBuffe
 {
     checkWrites(device, "vkCmdPushDescriptorSetKHR", count, writes);
     pushWrites(device, commandBuffer, stagesOf(point), number, count, writes);
-    device.next.CmdPushDescriptorSetKHR(commandBuffer, point, layout, number, count, writes);
+    leaveHeaps<&DeviceTable::CmdPushDescriptorSetKHR>(device.commands, commandBuffer, point, layout, number, count,
+                                                      writes);
 }
 
 void cmdPushDescriptorSet2(DeviceValidation &device, VkCommandBuffer commandBuffer,
@@ -273,7 +275,7 @@ void cmdPushDescriptorSet2(DeviceValidation &device, VkCommandBuffer commandBuff
 {
     checkWrites(device, "vkCmdPushDescriptorSet2", info->descriptorWriteCount, info->pDescriptorWrites);
     pushWrites(device, commandBuffer, info->stageFlags, info->set, info->descriptorWriteCount, info->pDescriptorWrites);
-    device.next.CmdPushDescriptorSet2KHR(commandBuffer, info);
+    leaveHeaps<&DeviceTable::CmdPushDescriptorSet2KHR>(device.commands, commandBuffer, info);
 }
 
 void cmdPushDescriptorSetWithTemplate(DeviceValidation &device, VkCommandBuffer commandBuffer,
@@ -281,14 +283,21 @@ void cmdPushDescriptorSetWithTemplate(DeviceValidation &device, VkCommandBuffer 
                                       const void *data)
 {
     pushTemplate(device, commandBuffer, entries, number, data);
-    device.next.CmdPushDescriptorSetWithTemplateKHR(commandBuffer, entries, layout, number, data);
+    leaveHeaps<&DeviceTable::CmdPushDescriptorSetWithTemplateKHR>(device.commands, commandBuffer, entries, layout,
+                                                                  number, data);
 }
 
 void cmdPushDescriptorSetWithTemplate2(DeviceValidation &device, VkCommandBuffer commandBuffer,
                                        const VkPushDescriptorSetWithTemplateInfoKHR *info)
 {
     pushTemplate(device, commandBuffer, info->descriptorUpdateTemplate, info->set, info->pData);
-    device.next.CmdPushDescriptorSetWithTemplate2KHR(commandBuffer, info);
+    leaveHeaps<&DeviceTable::CmdPushDescriptorSetWithTemplate2KHR>(device.commands, commandBuffer, info);
+}
+
+void cmdBindDescriptorBuffers(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
+                              const VkDescriptorBufferBindingInfoEXT *infos)
+{
+    leaveHeaps<&DeviceTable::CmdBindDescriptorBuffersEXT>(device.commands, commandBuffer, count, infos);
 }
 
 } // namespace vellum::layer::validation

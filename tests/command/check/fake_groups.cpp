@@ -13,7 +13,7 @@
 #include "base/error.h"
 #include "check/case/case.h"
 #include "check/groups/group.h"
-#include "cli/check/case_id.h"
+#include "cli/check/cases.h"
 #include "cli/check/protocol.h"
 #include "fake_system.h"
 

@@ -342,7 +342,6 @@ constexpr Conflicting kConflicting[]{
     {"VK_NV_cluster_acceleration_structure", 1000569000, false},
     {"VK_NV_partitioned_acceleration_structure", 1000570000, false},
     {"VK_AMDX_dense_geometry_format", 1000478000, true},
-    {"VK_EXT_descriptor_heap", 1000135009, true},
     {"VK_NV_command_buffer_inheritance", 1000559000, true},
     {"VK_NV_push_constant_bank", 1000580001, true},
 };
@@ -433,8 +432,8 @@ TEST(Driver, ExtensionsThatConflictWithMicromaps)
             }
         }
         // Without KHR, a translated device differs only by injected work.
-        ConflictingFeatures heap{static_cast<VkStructureType>(1000135009), nullptr, VK_TRUE};
-        EXPECT_EQ(createDevice(gpu, {required[0], required[1], required[2], "VK_EXT_descriptor_heap"}, &heap),
+        ConflictingFeatures banks{static_cast<VkStructureType>(1000580001), nullptr, VK_TRUE};
+        EXPECT_EQ(createDevice(gpu, {required[0], required[1], required[2], "VK_NV_push_constant_bank"}, &banks),
                   VK_ERROR_EXTENSION_NOT_PRESENT);
         ConflictingFeatures dense{static_cast<VkStructureType>(1000478000), nullptr, VK_TRUE};
         EXPECT_EQ(createDevice(gpu, {required[0], required[1], required[2], "VK_AMDX_dense_geometry_format"}, &dense),

@@ -2,9 +2,11 @@
 // The mock driver itself, without the layer: each quirk enforces what it advertises.
 #include <algorithm>
 
+#include "command_buffer/compute_pipeline.h"
 #include "gpu/copies.h"
 #include "harness/harness.h"
 #include "harness/mock_driver.h"
+#include "shaders/empty.h"
 
 namespace
 {
@@ -168,6 +170,51 @@ TEST_F(MockDriver, NoRayQueries)
     EXPECT_TRUE(gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME));
     const Tracer tracer(gpu());
     expectReported("pCode-08740");
+}
+
+TEST_F(MockDriver, HeapsThatAreInvalidated)
+{
+    make("heaps");
+    const auto bindHeap =
+        reinterpret_cast<PFN_vkCmdBindResourceHeapEXT>(vkGetDeviceProcAddr(gpu().device(), "vkCmdBindResourceHeapEXT"));
+    const auto pushData =
+        reinterpret_cast<PFN_vkCmdPushDataEXT>(vkGetDeviceProcAddr(gpu().device(), "vkCmdPushDataEXT"));
+    const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, 4};
+    auto info = vkInit<VkPipelineLayoutCreateInfo>({.pushConstantRangeCount = 1, .pPushConstantRanges = &range});
+    VkPipelineLayout layout = VK_NULL_HANDLE;
+    VT_CHECK(vkCreatePipelineLayout(gpu().device(), &info, nullptr, &layout));
+    const ComputePipeline forHeaps(gpu(), VK_NULL_HANDLE, empty, VK_PIPELINE_CREATE_2_DESCRIPTOR_HEAP_BIT_EXT);
+    const ComputePipeline forSets(gpu(), layout, empty, 0);
+    VkCommandBuffer commands = gpu().begin();
+    const uint32_t word = 1;
+    const auto heap = vkInit<VkBindHeapInfoEXT>({.heapRange = {256, 256}});
+    const auto data = vkInit<VkPushDataInfoEXT>({.data = {&word, sizeof word}});
+    const auto run = [&](const ComputePipeline &pipeline) {
+        vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline.handle());
+        vkCmdDispatch(commands, 1, 1, 1);
+    };
+    const auto pushConstants = [&] {
+        vkCmdPushConstants(commands, layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof word, &word);
+    };
+    bindHeap(commands, &heap);
+    pushData(commands, &data);
+    run(forHeaps);
+    EXPECT_TRUE(gpu().takeMessages().empty());
+    pushConstants();
+    pushData(commands, &data);
+    run(forHeaps);
+    expectReported("has invalidated the heap");
+    bindHeap(commands, &heap);
+    run(forHeaps);
+    EXPECT_TRUE(gpu().takeMessages().empty());
+    pushConstants();
+    bindHeap(commands, &heap);
+    run(forHeaps);
+    expectReported("without its push data");
+    run(forSets);
+    expectReported("without the descriptor sets");
+    vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &commands);
+    vkDestroyPipelineLayout(gpu().device(), layout, nullptr);
 }
 
 TEST_F(MockDriver, FamiliesForOnePurpose)

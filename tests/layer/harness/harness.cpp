@@ -82,7 +82,7 @@ std::vector<std::string> extensionsOf(const Options &options)
     add(options.addressCommands, {VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME, VK_EXT_MESH_SHADER_EXTENSION_NAME,
                                   VK_EXT_TRANSFORM_FEEDBACK_EXTENSION_NAME, VK_EXT_ROBUSTNESS_2_EXTENSION_NAME});
     add(options.newer,
-        {"VK_KHR_maintenance5", "VK_EXT_descriptor_buffer", "VK_EXT_device_generated_commands",
+        {"VK_KHR_maintenance5", "VK_EXT_descriptor_buffer", "VK_EXT_descriptor_heap", "VK_EXT_device_generated_commands",
          "VK_EXT_shader_module_identifier", "VK_KHR_pipeline_binary", "VK_KHR_ray_tracing_position_fetch",
          "VK_EXT_pipeline_library_group_handles", "VK_KHR_map_memory2"});
     add(options.shaderObject, {"VK_EXT_shader_object"});

@@ -33,6 +33,7 @@ enum class Level {
     Spy,
     Ext,
     Vendors,
+    Heaps,
     Failures,
     Caches,
     Limits,
@@ -80,6 +81,7 @@ LevelRows cacheRows();
 LevelRows deferralRows();
 LevelRows extRows();
 LevelRows vendorRows();
+LevelRows heapRows();
 LevelRows limitRows();
 LevelRows queueRows();
 LevelRows structureRows();

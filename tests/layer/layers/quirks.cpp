@@ -28,6 +28,9 @@ std::span<const Quirk> allQuirks()
          "extensions for ray tracing that do not work together with the layer's micromaps, and one that it does not "
          "know, "
          "which the driver only says"},
+        {"heaps", Level::Heaps,
+         "VK_EXT_descriptor_heap, for shaders that use no descriptors; state that a command invalidates is lost (Using "
+         "Heaps)"},
         {"failures", Level::Failures,
          "commands that a test selects run out of memory, or the device is lost (Lost Device)"},
         {"uncompiled", Level::Failures,
@@ -90,6 +93,7 @@ std::span<const NamedLevel> allLevels()
         {Level::Spy, spyRows()},
         {Level::Ext, extRows()},
         {Level::Vendors, vendorRows()},
+        {Level::Heaps, heapRows()},
         {Level::Failures, failureRows()},
         {Level::Caches, cacheRows()},
         {Level::Limits, limitRows()},

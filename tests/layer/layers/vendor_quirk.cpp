@@ -25,7 +25,6 @@ constexpr Vendors kVendors[]{
     {"VK_NV_cluster_acceleration_structure", 1000569000, 1},
     {"VK_NV_partitioned_acceleration_structure", 1000570000, 1},
     {"VK_AMDX_dense_geometry_format", 1000478000, 1},
-    {"VK_EXT_descriptor_heap", 1000135009, 2},
     {"VK_NV_command_buffer_inheritance", 1000559000, 1},
     {"VK_NV_push_constant_bank", 1000580001, 1},
     {"VK_TEST_ray_tracing_to_come", 0, 0},

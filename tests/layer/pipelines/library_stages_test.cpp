@@ -152,7 +152,7 @@ protected:
     }
 
     // Created twice: from code, and without it from the binary of the first.
-    VkPipeline ofBinaries(PipelineInfo &info, VkPipelineCreateFlags flags)
+    VkPipeline ofBinaries(PipelineInfo &info, VkFlags64 flags)
     {
         const auto capture = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = kCaptureData | flags});
         info.get().pNext = &capture;

@@ -305,18 +305,8 @@ void simplifyMicromaps(Attempts &attempts)
         attempts.best(), [](const MicromapTriangle &t) { return t.format != kFourState; },
         [](MicromapTriangle &t) { t.format = kFourState; }));
     std::vector<Edit> edits;
-    for (size_t i = 0; i < attempts.best().scene.micromaps.size(); ++i) {
-        for (uint32_t bit = 1; bit != 0; bit <<= 1)
-            if ((attempts.best().scene.micromaps[i].flags & bit) != 0)
-                edits.emplace_back([i, bit](Case &c) { c.scene.micromaps[i].flags &= ~bit; });
-        edits.emplace_back([i](Case &c) { c.scene.micromaps[i].triangleStride = sizeof(VkMicromapTriangleEXT); });
-        edits.emplace_back([i](Case &c) { c.scene.micromaps[i].usagePointers = false; });
-        edits.emplace_back([i](Case &c) { c.scene.micromaps[i].onHost = false; });
-        for (const Bit &bit : kUsageNames)
-            edits.emplace_back([i, &bit](Case &c) { c.scene.micromaps[i].usage &= ~bit.value; });
-        for (const Bit &bit : kDataNames)
-            edits.emplace_back([i, &bit](Case &c) { c.scene.micromaps[i].layout &= ~bit.value; });
-    }
+    for (size_t i = 0; i < attempts.best().scene.micromaps.size(); ++i)
+        addSimpler(edits, attempts.best(), [i](auto &c) { return &c.scene.micromaps[i]; });
     attempts.attemptAll(edits);
 }
 

@@ -75,21 +75,16 @@ void simplifyTransforms(Attempts &attempts)
 void simplifyInstances(Attempts &attempts)
 {
     std::vector<Edit> edits;
-    const std::vector<oracle::Instance> &instances = attempts.best().scene.instances;
-    for (size_t i = 0; i < instances.size(); ++i) {
-        edits.push_back(ofInstance(i, [](oracle::Instance &instance) { instance.customIndex = 0; }));
-        edits.push_back(ofInstance(i, [](oracle::Instance &instance) { instance.mask = 0xff; }));
-        edits.push_back(ofInstance(i, [](oracle::Instance &instance) { instance.inactive = false; }));
-        edits.push_back(ofInstance(i, [](oracle::Instance &instance) { instance.record.reset(); }));
-        for (const Bit &bit : kInstanceFlagNames)
-            edits.push_back(ofInstance(i, [bit = bit.value](oracle::Instance &instance) { instance.flags &= ~bit; }));
-    }
-    const std::vector<oracle::Object> &objects = attempts.best().scene.objects;
-    for (size_t o = 0; o < objects.size(); ++o) {
-        edits.emplace_back([o](Case &c) { c.scene.objects[o].geometryPointers = false; });
-        for (size_t m = 0; m < objects[o].meshes.size(); ++m) {
-            edits.emplace_back([o, m](Case &c) { c.scene.objects[o].meshes[m].opaque = false; });
-            edits.emplace_back([o, m](Case &c) { c.scene.objects[o].meshes[m].noDuplicates = false; });
+    Case best = attempts.best();
+    forEachInstances(best, [&](const std::vector<oracle::Instance> &instances) {
+        for (size_t i = 0; i < instances.size(); ++i)
+            for (const auto &change : simplerFields(instances[i]))
+                edits.push_back(ofInstance(i, change));
+    });
+    for (size_t o = 0; o < best.scene.objects.size(); ++o) {
+        addSimpler(edits, best, [o](auto &c) { return &c.scene.objects[o]; });
+        for (size_t m = 0; m < best.scene.objects[o].meshes.size(); ++m) {
+            addSimpler(edits, best, [o, m](auto &c) { return &c.scene.objects[o].meshes[m]; });
             // Active, where it was not.
             edits.emplace_back([o, m](Case &c) {
                 for (Vec3 &vertex : c.scene.objects[o].meshes[m].vertices)
@@ -167,11 +162,12 @@ void simplifyLayouts(Attempts &attempts)
     attempt([](oracle::Mesh &mesh) {
         mesh.layout.indexType = mesh.layout.isIndexed() ? VK_INDEX_TYPE_UINT32 : mesh.layout.indexType;
     });
-    attempt([](oracle::Mesh &mesh) { mesh.layout.separate = false; });
-    for (uint32_t oracle::MeshLayout::*const number :
-         {&oracle::MeshLayout::stride, &oracle::MeshLayout::primitiveOffset, &oracle::MeshLayout::firstVertex,
-          &oracle::MeshLayout::firstIndex, &oracle::MeshLayout::order, &oracle::MeshLayout::transformOffset})
-        attempt([number](oracle::Mesh &mesh) { mesh.layout.*number = 0; });
+    const Case &best = attempts.best();
+    std::vector<Edit> edits;
+    for (size_t o = 0; o < best.scene.objects.size(); ++o)
+        for (size_t m = 0; m < best.scene.objects[o].meshes.size(); ++m)
+            addSimpler(edits, best, [o, m](auto &c) { return &c.scene.objects[o].meshes[m].layout; });
+    attempts.attemptAll(edits);
 }
 
 void simplifyRays(Attempts &attempts)
@@ -183,17 +179,8 @@ void simplifyRays(Attempts &attempts)
             for (Ray &ray : c.scene.rays)
                 ray.flags &= ~bit;
         });
-    const std::vector<Ray> &rays = attempts.best().scene.rays;
-    for (size_t i = 0; i < rays.size(); ++i) {
-        edits.emplace_back([i](Case &c) { c.scene.rays[i].generate = 0; });
-        edits.emplace_back([i](Case &c) { c.scene.rays[i].tMin = Ray().tMin; });
-        edits.emplace_back([i](Case &c) { c.scene.rays[i].tMax = Ray().tMax; });
-        edits.emplace_back([i](Case &c) { c.scene.rays[i].cullMask = Ray().cullMask; });
-        edits.emplace_back([i](Case &c) { c.scene.rays[i].rule = Ray().rule; });
-        for (uint32_t bit = 1; bit != 0 && rays.size() > 1; bit <<= 1)
-            if ((rays[i].flags & bit) != 0)
-                edits.emplace_back([i, bit](Case &c) { c.scene.rays[i].flags &= ~bit; });
-    }
+    for (size_t i = 0; i < attempts.best().scene.rays.size(); ++i)
+        addSimpler(edits, attempts.best(), [i](auto &c) { return &c.scene.rays[i]; });
     attempts.attemptAll(edits);
 }
 
@@ -321,25 +308,17 @@ void simplifyPipelines(Attempts &attempts)
                     std::vector<uint32_t> &stages = plan.parts[i].stages;
                     stages.erase(stages.begin() + static_cast<ptrdiff_t>(k - 1));
                 });
-        for (const Bit &bit : kPipelineFlagNames)
-            edit([bit = bit.value](PipelinePlan &plan) { plan.flags &= ~bit; });
-        edit([](PipelinePlan &plan) { plan.parameters.recordOffset = 0; });
-        edit([](PipelinePlan &plan) { plan.parameters.recordStride = 1; });
-        edit([](PipelinePlan &plan) { plan.parameters.missIndex = 0; });
+        for (const auto &change : simplerFields(pipeline()))
+            edit(change);
         for (size_t t = 0; t <= pipeline().otherTables.size(); ++t) {
             const auto editTable = [&](const std::function<void(TablePlan &)> &change) {
                 edit([&](PipelinePlan &plan) { change(tableOf(plan, t)); });
             };
+            PipelinePlan plan = pipeline();
             editTable([](TablePlan &table) { table.records = {oracle::HitRecord::Full}; });
-            editTable([](TablePlan &table) { table.length.reset(); });
-            editTable([](TablePlan &table) { table.misses = 1; });
-            editTable([](TablePlan &table) { table.nullMiss = false; });
-            editTable([](TablePlan &table) { table.content = RecordData::Word; });
             editTable([](TablePlan &table) { table.layout = {}; });
-            for (const auto member : {&TableLayout::before, &TableLayout::missPadding, &TableLayout::hitPadding})
-                editTable([member](TablePlan &table) { table.layout.*member = 0; });
-            for (const auto member : {&TableLayout::reversed, &TableLayout::zeroStride, &TableLayout::cut})
-                editTable([member](TablePlan &table) { table.layout.*member = false; });
+            for (const auto &change : simplerFields(tableOf(plan, t)))
+                editTable(change);
         }
     }
 }
@@ -377,111 +356,38 @@ void simplifyScene(Attempts &attempts)
     roundCoordinates(attempts);
 }
 
-// Adds edits that make a command of a query plan simpler.
-void addQueryEdits(size_t plan, size_t command, std::vector<Edit> &edits)
-{
-    const auto add = [&](const std::function<void(QueryCommand &)> &change) {
-        edits.emplace_back([=](Case &c) { change(c.queries[plan].commands[command]); });
-    };
-    for (bool QueryCommand::*const flag : {&QueryCommand::byAddress, &QueryCommand::partial, &QueryCommand::wait,
-                                           &QueryCommand::availability, &QueryCommand::wide})
-        add([flag](QueryCommand &of) { of.*flag = false; });
-    for (uint32_t QueryCommand::*const number : {&QueryCommand::offset, &QueryCommand::padding})
-        add([number](QueryCommand &of) { of.*number = 0; });
-    add([](QueryCommand &of) {
-        if (of.kind == QueryCommand::Kind::ResetOnHost)
-            of.kind = QueryCommand::Kind::Reset;
-    });
-}
-
 void simplifyPlans(Attempts &attempts)
 {
     simplifyPipelines(attempts);
+    const Case &best = attempts.best();
     std::vector<Edit> edits{
         [](Case &c) { c.memory = Memory::Apart; },
-        [](Case &c) { c.build.micromaps = BuildCommand::Device; },
-        [](Case &c) { c.build.structures = BuildCommand::Device; },
-        [](Case &c) { c.build.mixed = false; },
         [](Case &c) { c.build.together = c.build.mixed = false; },
-        [](Case &c) { c.build.threads = 1; },
-        [](Case &c) { c.build.instancePointers = false; },
-        [](Case &c) { c.build.geometryPointers = false; },
-        [](Case &c) { c.build.single = false; },
-        [](Case &c) { c.build.conditional = Conditional::None; },
+        [](Case &c) { c.build.single = c.build.backwards = false; },
         [](Case &c) {
             if (c.build.conditional != Conditional::None)
                 c.build.conditional = Conditional::False;
         },
-        [](Case &c) { c.build.spareTriangles = 0; },
-        [](Case &c) { c.build.spareInstances = 0; },
-        [](Case &c) { c.build.skippedInstances = 0; },
-        [](Case &c) { c.build.otherTop = false; },
-        [](Case &c) { c.build.unrelated = false; },
-        [](Case &c) { c.build.secondary = false; },
-        [](Case &c) { c.build.twice = false; },
-        [](Case &c) { c.build.sharedInputs = false; },
-        [](Case &c) { c.build.aliasedInputs = false; },
-        [](Case &c) { c.build.lateInputs = false; },
-        [](Case &c) { c.build.rerecorded = false; },
-        [](Case &c) { c.build.backwards = false; },
-        [](Case &c) { c.build.single = c.build.backwards = false; },
-        [](Case &c) { c.build.secondDevice = false; },
-        [](Case &c) { c.trace.secondary = false; },
-        [](Case &c) { c.trace.method = TracePlan::Method::Query; },
-        [](Case &c) { c.trace.stage = VK_SHADER_STAGE_COMPUTE_BIT; },
-        [](Case &c) { c.trace.flags = TracePlan::Flags::RunTime; },
-        [](Case &c) { c.trace.mode = TracePlan::Mode::True; },
-        [](Case &c) { c.trace.besideBuild = false; },
-        [](Case &c) { c.trace.boundFirst = false; },
-        [](Case &c) { c.trace.pipelineLast = false; },
-        [](Case &c) { c.trace.twice = false; },
-        [](Case &c) { c.trace.rebound = false; },
-        [](Case &c) { c.trace.vertexBuffers = false; },
-        [](Case &c) { c.trace.attributes = HitAttributes::Vec2; },
-        [](Case &c) { c.trace.maintenance6 = false; },
-        [](Case &c) { c.trace.query = TracePlan::Query::Plain; },
-        [](Case &c) { c.trace.shaderObjects = false; },
-        [](Case &c) { c.trace.otherEntry = OtherEntry::None; },
-        [](Case &c) { c.trace.optimized = false; },
-        [](Case &c) { c.trace.signedFlags = false; },
-        [](Case &c) { c.trace.firstDestroyed = false; },
-        [](Case &c) { c.trace.tablesInPlace = false; },
-        [](Case &c) { c.trace.tableBarrier = 0; },
-        [](Case &c) { c.trace.unusedStage = false; },
-        [](Case &c) { c.trace.launch.command = Launch::Direct; },
         [](Case &c) { c.trace.launch = {.command = c.trace.launch.command}; },
-        [](Case &c) { c.trace.creation = 0; },
-        [](Case &c) { c.trace.callables = false; },
-        [](Case &c) { c.trace.byAddress = false; },
-        [](Case &c) { c.trace.inlineModules = false; },
-        [](Case &c) { c.trace.from = TracePlan::From::RayGeneration; },
-        [](Case &c) { c.trace.flags2 = false; },
-        [](Case &c) { c.trace.chained = 0; },
-        [](Case &c) { c.trace.withoutMicromaps = false; },
-        [](Case &c) { c.trace.dynamicStackSize = false; },
     };
-    for (size_t i = 0; i < attempts.best().steps.size(); ++i) {
-        for (bool Step::*const flag : {&Step::outOfPlace, &Step::structureFirst, &Step::relocated, &Step::mirrored,
-                                       &Step::exact, &Step::update, &Step::inPlace, &Step::deferred, &Step::host})
-            edits.emplace_back([i, flag](Case &c) { c.steps[i].*flag = false; });
-        edits.emplace_back([i](Case &c) { c.steps[i].other = 0; });
-        if (targetOf(attempts.best().steps[i].kind) == Target::Top)
-            edits.emplace_back([i](Case &c) { c.steps[i].target = 0; });
-        if (attempts.best().steps[i].kind == Kind::CloneMicromap ||
-            attempts.best().steps[i].kind == Kind::ReloadMicromap)
+    addSimpler(edits, best, [](auto &c) { return &c.build; });
+    addSimpler(edits, best, [](auto &c) { return &c.trace; });
+    for (const Bit &bit : kStructureFlagNames)
+        edits.emplace_back([&bit](Case &c) { c.scene.topFlags &= ~bit.value; });
+    for (size_t i = 0; i < best.steps.size(); ++i) {
+        addSimpler(edits, best, [i](auto &c) { return &c.steps[i]; });
+        if (best.steps[i].kind == Kind::CloneMicromap || best.steps[i].kind == Kind::ReloadMicromap)
             edits.emplace_back([i](Case &c) { c.steps[i].states.clear(); });
         // An update that changes nothing
-        if (attempts.best().steps[i].kind == Kind::UpdateTop || attempts.best().steps[i].kind == Kind::RebuildTop)
+        if (best.steps[i].kind == Kind::UpdateTop || best.steps[i].kind == Kind::RebuildTop)
             edits.emplace_back([i](Case &c) { c.steps[i].instances = c.scene.instances; });
     }
-    for (const Bit &bit : kStructureFlagNames) {
-        edits.emplace_back([&bit](Case &c) { c.scene.topFlags &= ~bit.value; });
-        for (size_t i = 0; i < attempts.best().scene.objects.size(); ++i)
-            edits.emplace_back([i, &bit](Case &c) { c.scene.objects[i].flags &= ~bit.value; });
-    }
-    for (size_t p = 0; p < attempts.best().queries.size(); ++p)
-        for (size_t i = 0; i < attempts.best().queries[p].commands.size(); ++i)
-            addQueryEdits(p, i, edits);
+    for (size_t p = 0; p < best.queries.size(); ++p)
+        for (size_t i = 0; i < best.queries[p].commands.size(); ++i) {
+            addSimpler(edits, best, [p, i](auto &c) { return &c.queries[p].commands[i]; });
+            if (best.queries[p].commands[i].kind == QueryCommand::Kind::ResetOnHost)
+                edits.emplace_back([p, i](Case &c) { c.queries[p].commands[i].kind = QueryCommand::Kind::Reset; });
+        }
     attempts.attemptAll(edits);
     for (size_t i = 0; i < attempts.best().steps.size(); ++i) {
         for (const Kind kind : simplerThan(attempts.best().steps[i].kind)) {

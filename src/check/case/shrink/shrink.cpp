@@ -9,7 +9,6 @@
 
 namespace vellum::check
 {
-
 namespace
 {
 
@@ -19,7 +18,7 @@ constexpr size_t kMostEarlierBytes = size_t{1} << 26;
 size_t hashOf(const Case &c)
 {
     Bytes bytes;
-    fields::ofCase(bytes, c);
+    fields::of(bytes, c);
     return std::hash<std::string>()(bytes.text());
 }
 

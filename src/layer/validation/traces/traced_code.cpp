@@ -20,9 +20,9 @@ constexpr VkFlags64 kMixedPromise = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALL
 constexpr VkFlags64 kUntouched = VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT |
                                  VK_PIPELINE_CREATE_RAY_TRACING_SHADER_GROUP_HANDLE_CAPTURE_REPLAY_BIT_KHR |
                                  VK_PIPELINE_CREATE_DESCRIPTOR_BUFFER_BIT_EXT |
+                                 VK_PIPELINE_CREATE_2_DESCRIPTOR_HEAP_BIT_EXT |
                                  VkFlags64{0x80000000}      // CAPTURE_DATA_BIT_KHR
-                                 | VkFlags64{0x4000000000}  // INDIRECT_BINDABLE_BIT_EXT
-                                 | VkFlags64{0x1000000000}; // DESCRIPTOR_HEAP_BIT_EXT
+                                 | VkFlags64{0x4000000000}; // INDIRECT_BINDABLE_BIT_EXT
 
 // One shader of a pipeline, or a shader object.
 struct Stage {

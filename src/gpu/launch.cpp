@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gpu/bindings.h"
+#include "gpu/launch.h"
 
 #include <algorithm>
 
