@@ -85,6 +85,23 @@ input::Pipelines checkPipelines(DeviceValidation &device, uint32_t count, const 
     return rules::checkPipelines(device.rules, count, infos);
 }
 
+// Each library of a graphics pipeline that makes the promise must make it.
+void checkLibraries(DeviceValidation &device, const Place &place, const VkGraphicsPipelineCreateInfo &info)
+{
+    const auto *libraries =
+        findInChain<VkPipelineLibraryCreateInfoKHR>(info.pNext, VK_STRUCTURE_TYPE_PIPELINE_LIBRARY_CREATE_INFO_KHR);
+    if (!libraries || (pipelineFlags(info.pNext, info.flags) & kMixedPromise) == 0)
+        return;
+    for (uint32_t i = 0; i < libraries->libraryCount; ++i) {
+        const VkPipeline library = libraries->pLibraries[i];
+        if (const auto flags = device.objects.libraries.get(library); flags && (*flags & kMixedPromise) == 0)
+            device.at(place.element("pLibraries", i), {VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(library)})
+                .report("VUID-VkGraphicsPipelineCreateInfo-pLibraries-11594", nullptr,
+                        "the library was created without OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX, which the "
+                        "pipeline has");
+    }
+}
+
 input::Pipelines checkPipelines(DeviceValidation &device, uint32_t count, const VkGraphicsPipelineCreateInfo *infos)
 {
     const Place command("vkCreateGraphicsPipelines");
@@ -92,6 +109,7 @@ input::Pipelines checkPipelines(DeviceValidation &device, uint32_t count, const 
         const Place place = command.element("pCreateInfos", i);
         const VkFlags64 flags = pipelineFlags(infos[i].pNext, infos[i].flags);
         checkFlags(device, place, flags, "VUID-VkGraphicsPipelineCreateInfo-flags-07401");
+        checkLibraries(device, place, infos[i]);
         const bool hasStages = infos[i].pStages && hasShaderStages(infos[i]);
         for (uint32_t s = 0; hasStages && s < infos[i].stageCount; ++s)
             checkStage(device, place.element("pStages", s), infos[i].pStages[s], flags);
@@ -158,23 +176,6 @@ VkResult createPipelines(DeviceValidation &device, uint32_t count, const Info *i
     return result;
 }
 
-// Each library of a graphics pipeline that makes the promise must make it.
-void checkLibraries(DeviceValidation &device, const Place &place, const VkGraphicsPipelineCreateInfo &info)
-{
-    const auto *libraries =
-        findInChain<VkPipelineLibraryCreateInfoKHR>(info.pNext, VK_STRUCTURE_TYPE_PIPELINE_LIBRARY_CREATE_INFO_KHR);
-    if (!libraries || (pipelineFlags(info.pNext, info.flags) & kMixedPromise) == 0)
-        return;
-    for (uint32_t i = 0; i < libraries->libraryCount; ++i) {
-        const VkPipeline library = libraries->pLibraries[i];
-        if (const auto flags = device.objects.libraries.get(library); flags && (*flags & kMixedPromise) == 0)
-            device.at(place.element("pLibraries", i), {VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(library)})
-                .report("VUID-VkGraphicsPipelineCreateInfo-pLibraries-11594", nullptr,
-                        "the library was created without OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX, which the "
-                        "pipeline has");
-    }
-}
-
 } // namespace
 
 VkResult createShaderModule(DeviceValidation &device, VkDevice handle, const VkShaderModuleCreateInfo *info,
@@ -225,9 +226,6 @@ VkResult createGraphicsPipelines(DeviceValidation &device, VkDevice handle, VkPi
                                  const VkGraphicsPipelineCreateInfo *infos, const VkAllocationCallbacks *allocator,
                                  VkPipeline *pipelines)
 {
-    const Place command("vkCreateGraphicsPipelines");
-    for (uint32_t i = 0; i < count && device.checks.core; ++i)
-        checkLibraries(device, command.element("pCreateInfos", i), infos[i]);
     const input::Pipelines checked = checkPipelines(device, count, infos);
     return createPipelines(device, count, infos, pipelines, checked, [&](const VkGraphicsPipelineCreateInfo *own) {
         return device.next.CreateGraphicsPipelines(handle, cache, count, own, allocator, pipelines);

@@ -264,6 +264,14 @@ const char *lacksMemory(const DeviceModel &device, const ValidatedStructure &str
     return buffer->memory || isSparse ? nullptr : "its buffer is not bound to device memory";
 }
 
+MemoryRange memoryIn(const ValidatedBuffer *buffer, VkDeviceSize offset, VkDeviceSize size)
+{
+    if (!buffer || !buffer->memory || offset >= buffer->size)
+        return {};
+    const VkDeviceSize begin = buffer->memoryOffset + offset;
+    return {uint64_t(buffer->memory.load()), begin, begin + std::min(size, buffer->size - offset)};
+}
+
 std::shared_ptr<ValidatedBuffer> bufferAt(const DeviceModel &device, VkDeviceAddress address)
 {
     const AddressMap::Location location = device.buffers.addresses.find(address);

@@ -395,6 +395,8 @@ std::string isNotConstructed(const DeviceModel &device, const ValidatedStructure
 const char *lacksMemory(const DeviceModel &device, const ValidatedStructure &structure);
 // The contents of a structure whose build or copy does not show them.
 std::shared_ptr<StructureContents> unknownContents(VkAccelerationStructureTypeKHR type);
+// A part of a buffer, up to its end; unknown without a buffer or its memory.
+MemoryRange memoryIn(const ValidatedBuffer *buffer, VkDeviceSize offset, VkDeviceSize size);
 // The buffer at an address; null if there is none or it is unknown.
 std::shared_ptr<ValidatedBuffer> bufferAt(const DeviceModel &device, VkDeviceAddress address);
 
