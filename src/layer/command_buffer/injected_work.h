@@ -32,7 +32,7 @@ public:
     // `pushBytes`: size of the layout's push constants, at least kPushBytes.
     VkResult create(const GpuContext &context, uint32_t pushBytes);
     // VK_NULL_HANDLE if the driver could not create it.
-    VkPipeline get(InjectedShader shader, bool heaps);
+    VkPipeline get(InjectedShader shader, bool heaps = false);
     [[nodiscard]] VkPipelineLayout layout() const { return layout_; }
     [[nodiscard]] uint32_t pushBytes() const { return pushBytes_; }
 
