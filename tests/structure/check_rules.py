@@ -9,6 +9,8 @@ docs/messages.md: a row for the full id of each message, the rules that are not 
   tests/validation that has the id, or suite and case, with "*" for any rest. Rules whose "where" is "open" need neither.
   Where src/layer has only the end of an id ("micromap-11636"), one command with a test stands for all;
 - every rule that src/layer names has a row, which does not call it impossible, and its id is stated once;
+- a row may stand for rules that differ in their command or structure, in whose place it has "*"; a row with the full id
+  goes before it;
 - "without" is what the row of src/layer/rules does with a command that breaks the rule;
 - each message has one cause in messages.csv, where each id and pattern is that of a message;
 - columns have words that are known.
@@ -38,8 +40,10 @@ PROGRAMS = "tests/validation"
 SUITE = "WrongPrograms"
 PAGE = "docs/messages.md"
 CAUSES = check_messages.TABLE
-# The commands of which the state of the command buffer is checked, and a row of them.
+# The commands of which the state of the command buffer is checked, and a row of them; and the commands that run shaders.
 COMMANDS, COMMAND = "src/layer/validation/rules/implicit_rules.h", re.compile(r'\{"(vkCmd\w+)", ')
+RUNNING, RUNS = "src/layer/base/commands.inc", re.compile(
+    r"^VELLUM_(?:(?:(?:RANGES_)?(?:DRAW|DISPATCH)|TRACE|SUBPASS_SHADING)\(|DEVICE\((?=CmdExecuteGenerated))(\w+),", re.M)
 COLUMNS = ["vuid", "extension", "where", "how", "without", "test"]
 MICROMAP = ("VK_EXT_opacity_micromap", "VK_KHR_opacity_micromap", "VK_ARM_pipeline_opacity_micromap")
 RANGES = "VK_KHR_device_address_commands"
@@ -227,13 +231,15 @@ def where_of(row, names, everywhere):
     return where if where not in CHECKED or is_named(row["vuid"], everywhere) else f"{where} (not the driver's)"
 
 
-def totals(rows, names, everywhere):
-    wheres = [where_of(row, names, everywhere) for row in rows]
+def totals(root, rows, names, everywhere):
+    commands = commands_of(root)
+    wheres = [where_of(row, names, everywhere) for row in rows
+              for _ in (full_ids(row, names, commands) if is_numbered_pattern(row) else [row])]
     counts = collections.Counter("open" if "open" in where else where.split()[0] for where in wheres)
     lines = ["| where | rules | how |", "|---|---|---|"]
     lines += [f"| {where} | {counts[where]} | {words} |" for where, words in WHERE.items()]
     own = sum("driver's" in where for where in wheres)
-    lines += [f"| total | {len(rows)} | {own} of them are not checked where micromaps are the driver's own |"]
+    lines += [f"| total | {len(wheres)} | {own} of them are not checked where micromaps are the driver's own |"]
     return "\n".join(lines) + "\n"
 
 
@@ -248,20 +254,30 @@ def table_of_unchecked(rows, names, everywhere):
     return "\n".join(lines) + "\n"
 
 
+def is_numbered_pattern(row):
+    return "*" in row["vuid"] and row["vuid"][-5:].isdigit()
+
+
+def commands_of(root):
+    """The commands whose names complete the ids of rules: those that run shaders, for rules with a number, and others."""
+    running, others = root / RUNNING, root / COMMANDS
+    return (sorted(f"vk{name}" for name in RUNS.findall(running.read_text(encoding="utf-8"))) if running.exists() else [],
+            sorted(COMMAND.findall(others.read_text(encoding="utf-8"))) if others.exists() else [])
+
+
 def full_ids(row, names, commands):
     """The ids that messages of a rule have. In the table of rules, "*" stands for the command or structure."""
     if "*" not in row["vuid"]:
         return [row["vuid"]]
     if row["vuid"] in names: # the code has the end of the id, after the command
-        return [row["vuid"].replace("*", command) for command in commands]
+        return [row["vuid"].replace("*", command) for command in commands[0 if is_numbered_pattern(row) else 1]]
     return sorted(name for name in names if fnmatch.fnmatchcase(name, row["vuid"]))
 
 
 def reported(root, rows, names):
     """Each message: its id, the row of its rule (None: it has no VUID), and the part of validation that it needs."""
     always = check_messages.messages(root)
-    code = root / COMMANDS
-    commands = sorted(COMMAND.findall(code.read_text(encoding="utf-8"))) if code.exists() else []
+    commands = commands_of(root)
     found = {name: (None, None) for name in always if not name.endswith("-")}
     starred = [row for row in rows if "*" in row["vuid"]]
     for row in starred + [row for row in rows if "*" not in row["vuid"]]:
@@ -327,7 +343,7 @@ def page_of(root, rows):
     new = between(text, "own", table_of_own(messages, causes))
     new = between(new, "rules", table_of_rules(messages, causes))
     new = between(new, "unchecked", table_of_unchecked(rows, names, everywhere))
-    return text, between(new, "totals", totals(rows, names, everywhere))
+    return text, between(new, "totals", totals(root, rows, names, everywhere))
 
 
 def write(root):
@@ -351,7 +367,9 @@ def check(registry, root):
     found = [f"{TABLE}: {line}" for row in rows for line in wrong_row(row, names, tests, expected)]
     if vuids != sorted(set(vuids)):
         found.append(f"{TABLE}: rows are not sorted, or a rule has two")
-    found += [f"{TABLE}: no row for {vuid}" for vuid in sorted(of_registry(registry) - set(vuids))]
+    patterns = [row["vuid"] for row in rows if is_numbered_pattern(row)]
+    found += [f"{TABLE}: no row for {vuid}" for vuid in sorted(of_registry(registry) - set(vuids))
+              if not any(fnmatch.fnmatchcase(vuid, pattern) for pattern in patterns)]
     found += [f"src/layer: {TABLE} has no row for {name}" for name in sorted(names) if not OF_MESHES.search(name)
               and not any(fnmatch.fnmatchcase(name, vuid) or fnmatch.fnmatchcase(vuid, name) for vuid in vuids)]
     found += [f"{TABLE}: {line}" for line in wrong_severities(rows, check_messages.rows(root))]

@@ -110,6 +110,21 @@ class CheckRules(unittest.TestCase):
         for command in ("vkCmdOne", "vkCmdTwo"):
             self.assertIn(f"| `VELLUM-VUID-{command}-renderpass` | error | core | Inside. | Record outside. | passed on |\n", page)
 
+    def test_row_for_several_commands(self):
+        self.put("src/layer/base/commands.inc", "VELLUM_DRAW(CmdDraw, Never)\nVELLUM_DEVICE(CmdCopy, Never)\n")
+        self.put("src/layer/validation/traces.cpp", 'say("-micromap-00004");\n')
+        self.put("src/layer/validation/ranges.cpp", 'FlaggedRange kRange{"vkRangeKHR", "b", "c"}; say("13097"); say("13100");\n')
+        self.put("src/layer/messages.csv", CAUSES + "VUID-vkRangeKHR-*,error,,A range.,Pass another one.\n")
+        self.put("src/layer/validation/rules.csv", TABLE.replace("VUID-vkOld-micromap-00004", "VUID-*-micromap-00004").replace(
+            "open,order", "shader,order").replace("undefined,", "undefined,Suite.Case") +
+            "".join(f"VUID-*-{number},all,host,flags,ignored,Suite.Case\n" for number in (13097, 13100)))
+        code, out = self.run_check("--write")
+        self.assertEqual((code, out), (0, "0 rules are open\n\n0 findings in 6 rules\n"))
+        page = self.read("docs/messages.md")
+        for vuid in ("vkCmdDraw-micromap-00004", "vkRangeKHR-b-13097", "vkRangeKHR-c-13100"):
+            self.assertIn(f"| `VELLUM-VUID-{vuid}` | error |", page)
+        self.assertNotIn("vkCmdCopy", page)
+
     def test_messages_without_validation(self):
         self.put("src/layer/micromaps/some.cpp", 'reject("VELLUM-own"); reject("VUID-vkMapEXT-b-parameter");\n')
         self.put("src/layer/messages.csv", CAUSES + "VELLUM-own,error,,Words.,More words.\n")

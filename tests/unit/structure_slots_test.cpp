@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The instance slots of top-level structures that grow: old ones come back once nothing can access them.
 #include <array>
+#include <deque>
 #include <memory>
 #include <thread>
 #include <vector>
@@ -101,6 +102,18 @@ TEST_F(StructureSlots, GoWithTheLastStructureOfALocation)
     EXPECT_EQ(other.nextAtLocation, nullptr);
     leaveLocation(state_, other);
     EXPECT_TRUE(slots.expired());
+}
+
+// Destroyed in the order of their creation. A step for each other one would take minutes.
+TEST_F(StructureSlots, ManyAtOneLocation)
+{
+    std::deque<AccelerationStructure> many(200'000);
+    for (AccelerationStructure &structure : many)
+        enterLocation(state_, structure);
+    for (AccelerationStructure &structure : many)
+        leaveLocation(state_, structure);
+    EXPECT_EQ(structure_.location->first, &structure_);
+    EXPECT_EQ(structure_.nextAtLocation, nullptr);
 }
 
 // Each thread's structures begin where those of the others do, and at the location behind.

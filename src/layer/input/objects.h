@@ -29,6 +29,19 @@ struct ObjectHandle {
     uint64_t handle = 0;
 };
 
+// Bytes of device memory; that of buffers that share memory is the same.
+struct MemoryRange {
+    uint64_t memory = 0; // 0: unknown
+    uint64_t begin = 0;
+    uint64_t end = 0;
+    [[nodiscard]] bool empty() const { return memory == 0 || begin >= end; }
+    [[nodiscard]] bool overlaps(const MemoryRange &other) const
+    {
+        return memory == other.memory && begin < other.end && other.begin < end;
+    }
+    bool operator==(const MemoryRange &) const = default;
+};
+
 // A micromap or an acceleration structure, as it was created.
 struct ObjectFacts {
     bool exists = false;

@@ -148,9 +148,8 @@ Verdict checkCounts(const InputCheck &check, const Build &c)
     Verdict verdict = check.check<Build>(c.build.khr ? std::span<const Rule<Build>>(kKhrCounts) : kExtCounts, c);
     const bool lossy = c.build.khr && (c.build.flags & VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR) != 0;
     if (verdict.accepted || check.device().validating)
-        verdict &=
-            checkUsages(check, c.build.khr ? std::span<const Rule<Usage>>(kKhrUsages) : kExtUsages, c.build.usages,
-                        lossy, c.support(), c.build.khr ? check.device().khrLimits : check.device().extLimits);
+        verdict &= checkUsages(check, c.build.khr ? std::span<const Rule<Usage>>(kKhrUsages) : kExtUsages,
+                               c.build.usages, lossy, c.support(), check.device().limits(c.build.khr));
     return verdict;
 }
 

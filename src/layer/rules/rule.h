@@ -91,6 +91,7 @@ struct RuleDevice {
     uint32_t scratchAlignment = 0;                      // 0: unknown
 
     [[nodiscard]] const std::optional<MicromapSupport> &support(bool isKhr) const { return isKhr ? khr : ext; }
+    [[nodiscard]] const MicromapLimits &limits(bool isKhr) const { return isKhr ? khrLimits : extLimits; }
     // Returns whether the layer, and not the driver, carries out commands about the object.
     [[nodiscard]] bool implements(ObjectHandle object) const
     {

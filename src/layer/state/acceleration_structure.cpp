@@ -130,6 +130,9 @@ void enterLocation(DeviceState &device, AccelerationStructure &structure)
         if (location.descriptor.address)
             addReference(device, location, structure);
         structure.nextAtLocation = std::exchange(location.first, &structure);
+        structure.linkAtLocation = &location.first;
+        if (structure.nextAtLocation)
+            structure.nextAtLocation->linkAtLocation = &structure.nextAtLocation;
     });
 }
 
@@ -138,10 +141,9 @@ void leaveLocation(DeviceState &device, const AccelerationStructure &structure)
     // The last structure destroys the location, with everything that leads to it.
     device.locations.release(structure.position, [&](StructureLocation &location) {
         std::lock_guard lock(location.mutex);
-        AccelerationStructure **at = &location.first;
-        while (*at != &structure)
-            at = &(*at)->nextAtLocation;
-        *at = structure.nextAtLocation;
+        *structure.linkAtLocation = structure.nextAtLocation;
+        if (structure.nextAtLocation)
+            structure.nextAtLocation->linkAtLocation = structure.linkAtLocation;
         if (structure.reference != 0)
             forgetReference(device, location, structure.reference);
     });

@@ -33,9 +33,12 @@ struct AccelerationStructure {
 
     VkDeviceAddress reference =
         0; // the address, once it leads to the location's descriptor; guarded by location->mutex
-    StructureLocations::Position position{};         // of the location
-    StructureLocation *location = nullptr;           // until the structure leaves it
-    AccelerationStructure *nextAtLocation = nullptr; // guarded by location->mutex
+    StructureLocations::Position position{}; // of the location
+    StructureLocation *location = nullptr;   // until the structure leaves it
+    // The list of the structures at the location, guarded by location->mutex: the next one, and what points to this
+    // one.
+    AccelerationStructure *nextAtLocation = nullptr;
+    AccelerationStructure **linkAtLocation = nullptr;
 
     std::mutex mutex;                // guards the members below
     VkDeviceAddress micromapKey = 0; // micromap descriptor; 0 until acquired

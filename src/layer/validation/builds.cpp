@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/validation/builds.h"
+// Builds of micromaps and acceleration structures, on the device and on the host, and queries of their sizes.
+#include "layer/rules/builds.h"
 
 #include "layer/input/checked.h"
-#include "layer/rules/builds.h"
+#include "layer/validation/commands.h"
 #include "layer/validation/rules/build_rules.h"
 #include "layer/validation/rules/implicit_rules.h"
 
@@ -64,6 +65,12 @@ void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,
         });
 }
 
+// The effect of a build of a micromap; `commandBuffer`: null for one on the host.
+void micromapBuilt(DeviceValidation &device, VkCommandBuffer commandBuffer, const input::MicromapBuild &build)
+{
+    construct(device, commandBuffer, device.objects.structureOf(build.target), contentsOf(build));
+}
+
 // Records the checks on the device and the effects of a command that builds.
 void recordBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, const input::Builds &builds)
 {
@@ -86,12 +93,19 @@ void recordBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, const
     sync::recordBuilds(device.sync, commandBuffer, builds);
 }
 
-} // namespace
-
-void micromapBuilt(DeviceValidation &device, VkCommandBuffer commandBuffer, const input::MicromapBuild &build)
+// The micromaps that structures are built with.
+std::vector<std::shared_ptr<ValidatedStructure>> micromapsOf(const DeviceModel &device, const input::Builds &builds)
 {
-    construct(device, commandBuffer, device.objects.structureOf(build.target), contentsOf(build));
+    std::vector<std::shared_ptr<ValidatedStructure>> micromaps;
+    for (const input::StructureBuild &build : builds.structures)
+        for (const input::Geometry &geometry : build.geometries)
+            if (auto micromap =
+                    geometry.attachment ? device.objects.structureOf(geometry.attachment->micromap) : nullptr)
+                micromaps.push_back(std::move(micromap));
+    return micromaps;
 }
+
+} // namespace
 
 namespace validation
 {
@@ -157,6 +171,55 @@ void cmdBuildAccelerationStructuresIndirect(DeviceValidation &device, VkCommandB
     recordBuilds(device, commandBuffer, builds);
     const input::Checked checked(infos, builds);
     device.next.CmdBuildAccelerationStructuresIndirectKHR(commandBuffer, count, infos, addresses, strides, most);
+}
+
+// The content of the structures is unknown afterwards.
+VkResult buildAccelerationStructures(DeviceValidation &device, VkDevice handle, VkDeferredOperationKHR operation,
+                                     uint32_t count, const VkAccelerationStructureBuildGeometryInfoKHR *infos,
+                                     const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
+{
+    input::Builds builds = input::parse(count, infos, ranges);
+    noteChecked(device, builds);
+    rules::checkHostBuilds(device.rules, Place("vkBuildAccelerationStructuresKHR"), builds);
+    const std::vector<std::shared_ptr<ValidatedStructure>> attached = micromapsOf(device, builds);
+    const input::Checked checked(infos, builds);
+    const VkResult result = device.next.BuildAccelerationStructuresKHR(handle, operation, count, infos, ranges);
+    for (uint32_t i = 0; i < count && isCarriedOut(result); ++i) {
+        const auto structure = device.objects.structures.get(infos[i].dstAccelerationStructure);
+        if (!structure)
+            continue;
+        remember(device.objects, [&] {
+            findReference(device, structure);
+            device.logs.add(VK_NULL_HANDLE, [&](const Submission &) {
+                setContents(device, structure, unknownContents(infos[i].type));
+            });
+        });
+        if (structure->record)
+            device.records.set(*structure->record, {});
+    }
+    if (isCarriedOut(result) && !attached.empty())
+        remember(device.objects, [&] {
+            device.logs.add(VK_NULL_HANDLE, [&](const Submission &) {
+                for (const auto &micromap : attached)
+                    setAttached(*micromap, false);
+            });
+        });
+    return result;
+}
+
+VkResult buildMicromaps(DeviceValidation &device, VkDevice handle, VkDeferredOperationKHR operation, uint32_t count,
+                        const VkMicromapBuildInfoEXT *infos)
+{
+    input::Builds builds = input::parse(count, infos, true);
+    checkBuilds(device, VK_NULL_HANDLE, builds);
+    for (const input::MicromapBuild &build : builds.micromaps)
+        checkHostBuild(device.gpu, build);
+    const input::Builds kept = builds;
+    const input::Checked checked(infos, builds);
+    const VkResult result = device.next.BuildMicromapsEXT(handle, operation, count, infos);
+    for (size_t i = 0; isCarriedOut(result) && i < kept.micromaps.size(); ++i)
+        remember(device.objects, [&] { micromapBuilt(device, VK_NULL_HANDLE, kept.micromaps[i]); });
+    return result;
 }
 
 } // namespace validation

@@ -9,6 +9,12 @@
 namespace vellum::layer
 {
 
+// Returns whether a host command was carried out. One that is deferred counts as done: its order is the application's.
+inline bool isCarriedOut(VkResult result)
+{
+    return result >= 0;
+}
+
 // The function that validates a command: it gets the validation of the device before Vulkan's arguments.
 template <typename Command>
 struct ValidatorOf;

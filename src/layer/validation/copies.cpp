@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/validation/copies.h"
-
-#include "layer/input/checked.h"
+// Copies of micromaps and acceleration structures, to each other and to memory, on the device and on the host.
 #include "layer/rules/copies.h"
+#include "layer/input/checked.h"
 #include "layer/validation/commands.h"
+#include "layer/validation/rules/implicit_rules.h"
+#include "layer/validation/rules/rule_check.h"
 
 namespace vellum::layer
 {
@@ -11,6 +12,8 @@ namespace
 {
 
 using Structure = std::shared_ptr<ValidatedStructure>;
+
+constexpr const char *kSavedMicromapId = "VUID-VkCopyMicromapToMemoryInfoEXT-src-07540";
 
 // The source of a clone or a compaction, when the command is executed.
 void checkSource(const RuleCheck &check, const input::Copy &copy, const Structure &source, const char *constructed)
@@ -24,10 +27,8 @@ void checkSource(const RuleCheck &check, const input::Copy &copy, const Structur
                                     : "VUID-VkCopyMicromapInfoEXT-mode-07533");
 }
 
-} // namespace
-
-void copied(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
-            const std::shared_ptr<ValidatedStructure> &target)
+// The effect of a clone or a compaction.
+void copied(const RuleCheck &check, const Structure &source, const Structure &target)
 {
     copyRecord(check.model(), check.commandBuffer(), source, target);
     findReference(check.model(), target);
@@ -40,8 +41,9 @@ void copied(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &s
         });
 }
 
-void deserialized(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &target,
-                  std::shared_ptr<SerializedHeader> header)
+// The effect of a deserialization: the target holds something that the host does not know. `header`: null if it is not
+// known.
+void deserialized(const RuleCheck &check, const Structure &target, std::shared_ptr<SerializedHeader> header)
 {
     if (!target)
         return;
@@ -53,6 +55,7 @@ void deserialized(const RuleCheck &check, const std::shared_ptr<ValidatedStructu
     check.afterExecution([&device = check.model(), target, contents](bool) { setContents(device, target, contents); });
 }
 
+// Checks the rules of a copy, and of what its source holds when it is executed (`constructed`: their id).
 input::Copy checkCopy(const RuleCheck &check, input::Copy copy, const char *constructed)
 {
     DeviceModel &device = check.model();
@@ -72,11 +75,6 @@ input::SerializedCopy checkCopy(const RuleCheck &check, input::SerializedCopy co
         checkConstructed(check, device.objects.structureOf(copy.object), constructed);
     return copy;
 }
-
-namespace validation
-{
-namespace
-{
 
 // Models a clone or a compaction on the device, before the implementation records it.
 void recordCopy(DeviceValidation &device, const RuleCheck &check, const input::Copy &copy)
@@ -142,6 +140,9 @@ void checkedCopy(DeviceValidation &device, VkCommandBuffer commandBuffer, const 
 
 } // namespace
 
+namespace validation
+{
+
 void cmdCopyMicromap(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkCopyMicromapInfoEXT *info)
 {
     checkedCopy(device, commandBuffer, "vkCmdCopyMicromapEXT", info, "VUID-vkCmdCopyMicromapEXT-src-07532",
@@ -182,6 +183,89 @@ void cmdCopyMemoryToAccelerationStructure(DeviceValidation &device, VkCommandBuf
 {
     checkedCopy(device, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR", info, nullptr,
                 device.next.CmdCopyMemoryToAccelerationStructureKHR);
+}
+
+VkResult copyMicromap(DeviceValidation &device, VkDevice handle, VkDeferredOperationKHR operation,
+                      const VkCopyMicromapInfoEXT *info)
+{
+    const Place command("vkCopyMicromapEXT");
+    const Place place = command.member("pInfo");
+    const RuleCheck check(device, place, info->dst);
+    input::Copy copy = checkCopy(check, input::parse(*info, input::Executor::Host), "VUID-vkCopyMicromapEXT-src-11670");
+    const input::Checked checked(info, copy);
+    const VkResult result = device.next.CopyMicromapEXT(handle, operation, info);
+    if (isCarriedOut(result))
+        remember(device.objects, [&] {
+            copied(check, device.objects.micromaps.get(info->src), device.objects.micromaps.get(info->dst));
+        });
+    return result;
+}
+
+VkResult copyMicromapToMemory(DeviceValidation &device, VkDevice handle, VkDeferredOperationKHR operation,
+                              const VkCopyMicromapToMemoryInfoEXT *info)
+{
+    const Place command("vkCopyMicromapToMemoryEXT");
+    const Place place = command.member("pInfo");
+    input::SerializedCopy copy =
+        checkCopy(RuleCheck(device, place, info->src), input::parse(*info, input::Executor::Host), kSavedMicromapId);
+    const input::Checked checked(info, copy);
+    return device.next.CopyMicromapToMemoryEXT(handle, operation, info);
+}
+
+VkResult copyMemoryToMicromap(DeviceValidation &device, VkDevice handle, VkDeferredOperationKHR operation,
+                              const VkCopyMemoryToMicromapInfoEXT *info)
+{
+    const Place command("vkCopyMemoryToMicromapEXT");
+    const Place place = command.member("pInfo");
+    const RuleCheck check(device, place, info->dst);
+    const Structure target = device.objects.micromaps.get(info->dst);
+    input::SerializedCopy copy = checkCopy(check, input::parse(*info, input::Executor::Host), nullptr);
+    auto header = checkSerializedData(check, info->src.hostAddress, target.get());
+    copy.isReported = header && header->isWrong;
+    const input::Checked checked(info, copy);
+    const VkResult result = device.next.CopyMemoryToMicromapEXT(handle, operation, info);
+    if (isCarriedOut(result))
+        remember(device.objects, [&] { deserialized(check, target, std::move(header)); });
+    return result;
+}
+
+VkResult copyAccelerationStructure(DeviceValidation &device, VkDevice handle, VkDeferredOperationKHR operation,
+                                   const VkCopyAccelerationStructureInfoKHR *info)
+{
+    const Place command("vkCopyAccelerationStructureKHR");
+    const Place place = command.member("pInfo");
+    const RuleCheck check(device, place, info->dst);
+    const Structure source = device.objects.structures.get(info->src);
+    if (device.checks.core)
+        checkConstructed(check, source, "VUID-vkCopyAccelerationStructureKHR-src-11586");
+    checkDeserializedMicromaps(device.gpu, check, source, "VUID-vkCopyAccelerationStructureKHR-src-11587");
+    const VkResult result = device.next.CopyAccelerationStructureKHR(handle, operation, info);
+    if (isCarriedOut(result))
+        remember(device.objects, [&] { copied(check, source, device.objects.structures.get(info->dst)); });
+    return result;
+}
+
+VkResult copyMemoryToAccelerationStructure(DeviceValidation &device, VkDevice handle, VkDeferredOperationKHR operation,
+                                           const VkCopyMemoryToAccelerationStructureInfoKHR *info)
+{
+    const Place command("vkCopyMemoryToAccelerationStructureKHR");
+    const Place place = command.member("pInfo");
+    const RuleCheck check(device, place, info->dst);
+    const Structure target = device.objects.structures.get(info->dst);
+    auto header = checkSerializedData(check, info->src.hostAddress, target.get());
+    const VkResult result = device.next.CopyMemoryToAccelerationStructureKHR(handle, operation, info);
+    if (isCarriedOut(result))
+        remember(device.objects, [&] { deserialized(check, target, std::move(header)); });
+    device.traces.deserializes = true;
+    return result;
+}
+
+void getDeviceMicromapCompatibility(DeviceValidation &device, VkDevice handle, const VkMicromapVersionInfoEXT *info,
+                                    VkAccelerationStructureCompatibilityKHR *result)
+{
+    checkFeature(device.at(Place("vkGetDeviceMicromapCompatibilityEXT")),
+                 "VUID-vkGetDeviceMicromapCompatibilityEXT-micromap-11666");
+    device.next.GetDeviceMicromapCompatibilityEXT(handle, info, result);
 }
 
 } // namespace validation

@@ -2,8 +2,8 @@
 // Queues, memory, buffers, images, acceleration structures and micromaps.
 #include "layer/base/pnext.h"
 #include "layer/input/checked.h"
+#include "layer/rules/creations.h"
 #include "layer/validation/commands.h"
-#include "layer/validation/rules/creation_rules.h"
 #include "layer/validation/rules/implicit_rules.h"
 
 namespace vellum::layer::validation
@@ -45,11 +45,14 @@ ValidatedMemory memoryOf(const DeviceValidation &device, const VkMemoryAllocateI
             .buffers = std::make_shared<WeakList<ValidatedBuffer>>()};
 }
 
-std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, ObjectHandle handle,
-                                                 VkAccelerationStructureTypeKHR type, VkBuffer buffer,
-                                                 VkDeviceSize offset, VkDeviceSize size, VkFlags flags,
-                                                 bool ownAllocator)
+// Adds a structure or a micromap to the model.
+void addStructure(DeviceValidation &device, ObjectHandle handle, VkAccelerationStructureTypeKHR type,
+                  const input::Creation &creation, VkFlags flags, bool ownAllocator)
 {
+    const bool byAddress = creation.address != 0;
+    const AddressMap::Location at = byAddress
+                                        ? device.buffers.addresses.find(creation.address)
+                                        : AddressMap::Location{.buffer = creation.buffer, .offset = creation.offset};
     auto structure = std::make_shared<ValidatedStructure>();
     structure->handle = handle;
     device.objects.destroyed.remove(handle);
@@ -57,15 +60,23 @@ std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, Objec
     structure->type = type;
     structure->createFlags = flags;
     structure->record = device.records.take();
-    structure->buffer = device.objects.buffers.get(buffer);
-    structure->offset = offset;
-    structure->size = size;
+    structure->buffer = device.objects.buffers.get(at.buffer);
+    structure->offset = at.offset;
+    structure->size = creation.size;
     structure->ownAllocator = ownAllocator;
-    if (structure->buffer && structure->buffer->address)
-        structure->memoryAddress = structure->buffer->address + offset;
+    structure->byAddress = byAddress;
+    if (byAddress)
+        structure->memoryAddress = creation.address;
+    else if (structure->buffer && structure->buffer->address)
+        structure->memoryAddress = structure->buffer->address + at.offset;
     if (structure->buffer)
         structure->buffer->structures.add(structure);
-    return structure;
+    if (handle.type == VK_OBJECT_TYPE_MICROMAP_EXT) {
+        device.objects.micromaps.set(reinterpret_cast<VkMicromapEXT>(handle.handle), std::move(structure));
+        return;
+    }
+    device.objects.byMemory.add(structure);
+    device.objects.structures.set(reinterpret_cast<VkAccelerationStructureKHR>(handle.handle), std::move(structure));
 }
 
 // Reports an object that was destroyed. Implementations would access its memory, or free it again.
@@ -92,13 +103,6 @@ void setLost(DeviceValidation &device, const ValidatedStructure &structure, cons
         remember(device.objects, [&] { device.records.setDestroyed(*structure.record); });
 }
 
-void setDestroyed(DeviceValidation &device, ValidatedStructure &structure)
-{
-    structure.destroyed = true;
-    remember(device.objects, [&] { device.objects.destroyed.add(structure.handle); });
-    setLost(device, structure, "was destroyed");
-}
-
 // Before an object is destroyed. `rule`: that commands which refer to it must be complete. `isTraced`: rays may meet
 // it.
 void checkUnused(DeviceValidation &device, const char *command, const char *rule, const ReferredObject &object,
@@ -113,6 +117,52 @@ void checkUnused(DeviceValidation &device, const char *command, const char *rule
     });
 }
 
+// A command that destroys a micromap or a structure.
+struct Destruction {
+    const char *command, *member;
+    const char *parameter;      // it exists
+    const char *unused;         // commands that refer to it are complete
+    const char *lacksAllocator; // there are allocation callbacks, if there were when it was created
+    const char *hasAllocator;   // there are no others
+};
+constexpr Destruction kMicromap{"vkDestroyMicromapEXT",
+                                "micromap",
+                                "VUID-vkDestroyMicromapEXT-micromap-parameter",
+                                "VUID-vkDestroyMicromapEXT-micromap-07441",
+                                "VUID-vkDestroyMicromapEXT-micromap-07442",
+                                "VUID-vkDestroyMicromapEXT-micromap-07443"};
+constexpr Destruction kStructure{"vkDestroyAccelerationStructureKHR",
+                                 "accelerationStructure",
+                                 "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-parameter",
+                                 "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02442",
+                                 "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02443",
+                                 "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02444"};
+
+// Checks it, and takes the structure out of the model. `allocator`: allocation callbacks are given. Returns whether it
+// is passed on.
+template <typename Handle>
+bool destroy(DeviceValidation &device, Handle handle, HandleMap<Handle, std::shared_ptr<ValidatedStructure>> &known,
+             const Destruction &ids, bool allocator)
+{
+    if (isDestroyed(device, handle, ids.command, ids.member, ids.parameter))
+        return false;
+    const auto structure = known.take(handle);
+    if (!structure)
+        return true;
+    const Place command(ids.command);
+    const InputCheck check = device.at(command, structure->handle);
+    if (device.checks.core && !allocator && structure->ownAllocator)
+        check.report(ids.lacksAllocator, "pAllocator", "it is null; the object was created with allocation callbacks");
+    if (device.checks.core && allocator && !structure->ownAllocator)
+        check.report(ids.hasAllocator, "pAllocator",
+                     "it is not null; the object was created without allocation callbacks");
+    checkUnused(device, ids.command, ids.unused, *structure);
+    structure->destroyed = true;
+    remember(device.objects, [&] { device.objects.destroyed.add(structure->handle); });
+    setLost(device, *structure, "was destroyed");
+    return true;
+}
+
 // The structures of a buffer that was destroyed or lost its memory.
 void loseStructures(DeviceValidation &device, const ValidatedBuffer &buffer, const char *how)
 {
@@ -120,6 +170,106 @@ void loseStructures(DeviceValidation &device, const ValidatedBuffer &buffer, con
         if (!structure->destroyed && lacksMemory(device, *structure))
             setLost(device, *structure, how);
     });
+}
+
+constexpr VkFlags kBufferReplay = VK_BUFFER_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT;
+constexpr VkFlags kReplay = VK_ACCELERATION_STRUCTURE_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_KHR;
+constexpr VkFlags kDescriptorReplay = VK_ACCELERATION_STRUCTURE_CREATE_DESCRIPTOR_BUFFER_CAPTURE_REPLAY_BIT_EXT;
+
+// The buffer that has the range of a structure.
+void checkBuffer(const InputCheck &check, const ValidatedBuffer &buffer, VkFlags createFlags)
+{
+    if ((buffer.flags & VK_BUFFER_CREATE_SPARSE_RESIDENCY_BIT) != 0)
+        check.report("VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11604", "addressRange",
+                     "its buffer was created with VK_BUFFER_CREATE_SPARSE_RESIDENCY_BIT");
+    const bool replaysBuffer = (buffer.flags & kBufferReplay) != 0;
+    const bool replays = (createFlags & kReplay) != 0;
+    if (replaysBuffer && !replays)
+        check.report("VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11606", "createFlags",
+                     "the buffer was created for capture and replay of its address, the structure is not");
+    if (replays && !replaysBuffer)
+        check.report("VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11607", "createFlags",
+                     "the structure is for capture and replay of its address, its buffer is not");
+}
+
+void checkMicromapBuffer(const InputCheck &check, const ValidatedBuffer &buffer)
+{
+    if ((buffer.usage & VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT) == 0)
+        check.report("VUID-VkMicromapCreateInfoEXT-buffer-07435", "buffer",
+                     "it was created without VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT");
+    if ((buffer.flags & VK_BUFFER_CREATE_SPARSE_RESIDENCY_BIT) != 0)
+        check.report("VUID-VkMicromapCreateInfoEXT-buffer-07436", "buffer",
+                     "it was created with VK_BUFFER_CREATE_SPARSE_RESIDENCY_BIT");
+}
+
+bool isType(VkAccelerationStructureTypeKHR type)
+{
+    return type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR ||
+           type == VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR ||
+           type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ||
+           type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+}
+
+input::Creation checkCreation(DeviceValidation &device, const VkMicromapCreateInfoEXT &info)
+{
+    const Place command("vkCreateMicromapEXT");
+    const Place place = command.member("pCreateInfo");
+    const InputCheck check = device.at(place, info.buffer);
+    const auto buffer = device.objects.buffers.get(info.buffer);
+    if (device.checks.core && !buffer && !device.objects.anyUnknown)
+        check.report("VUID-VkMicromapCreateInfoEXT-buffer-parameter", "buffer",
+                     info.buffer ? "it is not a buffer of this device" : "it is VK_NULL_HANDLE");
+    const input::Creation creation = rules::checkCreation(check, info, buffer ? buffer->size : UINT64_MAX);
+    if (!device.checks.core)
+        return creation;
+    checkStructure(check, info, kMicromapCreateInfo);
+    checkFeature(check, "VUID-vkCreateMicromapEXT-micromap-11615");
+    if (buffer)
+        checkMicromapBuffer(check, *buffer);
+    return creation;
+}
+
+input::Creation checkCreation(DeviceValidation &device, const VkAccelerationStructureCreateInfoKHR &info)
+{
+    const Place command("vkCreateAccelerationStructureKHR");
+    const Place place = command.member("pCreateInfo");
+    const auto buffer = device.objects.buffers.get(info.buffer);
+    return rules::checkCreation(device.at(place, info.buffer), info, buffer ? buffer->size : UINT64_MAX);
+}
+
+input::Creation checkCreation(DeviceValidation &device, const VkAccelerationStructureCreateInfo2KHR &info)
+{
+    const Place command("vkCreateAccelerationStructure2KHR");
+    const Place place = command.member("pCreateInfo");
+    const InputCheck check = device.at(place);
+    const input::Creation creation = rules::checkCreation(check, info);
+    if (!device.checks.core)
+        return creation;
+    if (info.sType != VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR)
+        check.report("VUID-VkAccelerationStructureCreateInfo2KHR-sType-sType", "sType",
+                     "it is that of " + nameOf(info.sType));
+    if (!isType(info.type) && !device.driver.enabled.otherStructures)
+        check.report("VUID-VkAccelerationStructureCreateInfo2KHR-type-parameter", "type",
+                     "it is " + std::to_string(info.type));
+    // If several buffers are at the address, the host does not know which one the application means.
+    const VkBuffer only = device.buffers.addresses.onlyCovering(info.addressRange.address, info.addressRange.size);
+    if (const auto buffer = only ? device.objects.buffers.get(only) : nullptr)
+        checkBuffer(check, *buffer, info.createFlags);
+    if ((info.createFlags & kReplay) != 0 && !device.facts.structureCaptureReplay)
+        check.report("VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-03613", "createFlags",
+                     "it requests capture and replay; the feature accelerationStructureCaptureReplay is not enabled");
+    if ((info.createFlags & kReplay) != 0 && device.facts.isGroup && !device.facts.addressMultiDevice)
+        check.report("VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11673", "createFlags",
+                     "it requests capture and replay on several physical devices; the feature "
+                     "bufferDeviceAddressMultiDevice is not enabled");
+    if (creation.isMicromap && (info.createFlags & kDescriptorReplay) != 0)
+        check.report("VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11610", "createFlags",
+                     "DESCRIPTOR_BUFFER_CAPTURE_REPLAY is not for micromaps");
+    if (creation.isMicromap && (info.createFlags & VK_ACCELERATION_STRUCTURE_CREATE_MOTION_BIT_NV) != 0)
+        check.report("VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11611", "createFlags",
+                     "MOTION is not for micromaps");
+    ranges::checkCreation(device, info);
+    return creation;
 }
 
 } // namespace
@@ -245,14 +395,9 @@ VkResult createAccelerationStructure(DeviceValidation &device, VkDevice handle,
     input::Creation creation = checkCreation(device, *info);
     const input::Checked checked(info, creation);
     const VkResult created = device.next.CreateAccelerationStructureKHR(handle, info, allocator, result);
-    if (created != VK_SUCCESS)
-        return created;
-    remember(device.objects, [&] {
-        auto structure = newStructure(device, *result, info->type, info->buffer, info->offset, info->size,
-                                      info->createFlags, allocator != nullptr);
-        device.objects.byMemory.add(structure);
-        device.objects.structures.set(*result, std::move(structure));
-    });
+    if (created == VK_SUCCESS)
+        remember(device.objects,
+                 [&] { addStructure(device, *result, info->type, creation, info->createFlags, allocator != nullptr); });
     return created;
 }
 
@@ -261,38 +406,19 @@ VkResult createAccelerationStructure2(DeviceValidation &device, VkDevice handle,
                                       const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
     input::Creation creation = checkCreation(device, *info);
-    if (device.checks.core)
-        ranges::checkCreation(device, *info);
     const input::Checked checked(info, creation);
     const VkResult created = device.next.CreateAccelerationStructure2KHR(handle, info, allocator, result);
-    if (created != VK_SUCCESS)
-        return created;
-    remember(device.objects, [&] {
-        const AddressMap::Location place = device.buffers.addresses.find(info->addressRange.address);
-        auto structure = newStructure(device, *result, info->type, place.buffer, place.offset, info->addressRange.size,
-                                      info->createFlags, allocator != nullptr);
-        structure->memoryAddress = info->addressRange.address;
-        structure->byAddress = true;
-        device.objects.byMemory.add(structure);
-        device.objects.structures.set(*result, std::move(structure));
-    });
+    if (created == VK_SUCCESS)
+        remember(device.objects,
+                 [&] { addStructure(device, *result, info->type, creation, info->createFlags, allocator != nullptr); });
     return created;
 }
 
 void destroyAccelerationStructure(DeviceValidation &device, VkDevice handle, VkAccelerationStructureKHR structure,
                                   const VkAllocationCallbacks *allocator)
 {
-    if (isDestroyed(device, structure, "vkDestroyAccelerationStructureKHR", "accelerationStructure",
-                    "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-parameter"))
+    if (!destroy(device, structure, device.objects.structures, kStructure, allocator != nullptr))
         return;
-    const auto known = device.objects.structures.take(structure);
-    if (device.checks.core)
-        checkDestruction(device, known.get(), allocator != nullptr);
-    if (known) {
-        checkUnused(device, "vkDestroyAccelerationStructureKHR",
-                    "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02442", *known);
-        setDestroyed(device, *known);
-    }
     device.driver.report().setName(reinterpret_cast<uint64_t>(structure), "");
     device.next.DestroyAccelerationStructureKHR(handle, structure, allocator);
 }
@@ -320,9 +446,8 @@ VkResult createMicromap(DeviceValidation &device, VkDevice handle, const VkMicro
     const VkResult created = device.next.CreateMicromapEXT(handle, info, allocator, result);
     if (created == VK_SUCCESS)
         remember(device.objects, [&] {
-            device.objects.micromaps.set(
-                *result, newStructure(device, *result, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR,
-                                      info->buffer, info->offset, info->size, info->createFlags, allocator != nullptr));
+            addStructure(device, *result, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, creation,
+                         info->createFlags, allocator != nullptr);
         });
     return created;
 }
@@ -330,19 +455,10 @@ VkResult createMicromap(DeviceValidation &device, VkDevice handle, const VkMicro
 void destroyMicromap(DeviceValidation &device, VkDevice handle, VkMicromapEXT micromap,
                      const VkAllocationCallbacks *allocator)
 {
-    if (isDestroyed(device, micromap, "vkDestroyMicromapEXT", "micromap",
-                    "VUID-vkDestroyMicromapEXT-micromap-parameter"))
-        return;
-    const auto known = device.objects.micromaps.take(micromap);
-    if (device.checks.core) {
-        checkFeature(device.at(Place("vkDestroyMicromapEXT")), "VUID-vkDestroyMicromapEXT-micromap-11619");
-        checkDestruction(device, known.get(), allocator != nullptr);
-    }
-    if (known) {
-        checkUnused(device, "vkDestroyMicromapEXT", "VUID-vkDestroyMicromapEXT-micromap-07441", *known);
-        setDestroyed(device, *known);
-    }
-    device.next.DestroyMicromapEXT(handle, micromap, allocator);
+    if (device.checks.core)
+        checkFeature(device.at(Place(kMicromap.command)), "VUID-vkDestroyMicromapEXT-micromap-11619");
+    if (destroy(device, micromap, device.objects.micromaps, kMicromap, allocator != nullptr))
+        device.next.DestroyMicromapEXT(handle, micromap, allocator);
 }
 
 VkResult createImage(DeviceValidation &device, VkDevice handle, const VkImageCreateInfo *info,

@@ -3,9 +3,10 @@
 #include "layer/base/pipeline_info.h"
 #include "layer/base/pnext.h"
 #include "layer/input/checked.h"
+#include "layer/rules/creations.h"
 #include "layer/validation/commands.h"
-#include "layer/validation/rules/pipeline_rules.h"
 #include "layer/validation/traces/traced_code.h"
+#include "spirv/module/micromap_mode.h"
 #include "spirv/module/scan.h"
 
 namespace vellum::layer::validation
@@ -17,6 +18,146 @@ constexpr VkFlags64 kMixedPromise = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALL
 constexpr VkShaderStageFlags kRayTracingStages =
     VK_SHADER_STAGE_RAYGEN_BIT_KHR | VK_SHADER_STAGE_ANY_HIT_BIT_KHR | VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR |
     VK_SHADER_STAGE_MISS_BIT_KHR | VK_SHADER_STAGE_INTERSECTION_BIT_KHR | VK_SHADER_STAGE_CALLABLE_BIT_KHR;
+
+constexpr VkFlags64 kMicromapFlags = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
+constexpr VkFlags64 kNoMicromaps = VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM;
+
+// Those with the execution mode OpacityMicromapIdKHR.
+std::vector<spirv::EntryPoint> entryPointsOf(std::span<const uint32_t> words)
+{
+    std::string error;
+    auto entryPoints = spirv::readEntryPoints(words, error).value_or(std::vector<spirv::EntryPoint>{});
+    std::erase_if(entryPoints,
+                  [](const spirv::EntryPoint &entry) { return entry.mode.when == spirv::MicromapMode::When::Absent; });
+    return entryPoints;
+}
+
+void checkWords(DeviceModel &device, const Place &place, std::span<const uint32_t> words)
+{
+    if (spirv::forcesTwoStatesWithoutCapability(words))
+        device.at(place).report("VUID-RuntimeSpirv-RayTracingOpacityMicromapKHR-11542", "pCode",
+                                "ray flags with ForceOpacityMicromap2StateKHR; the module lacks the capability "
+                                "RayTracingOpacityMicromapKHR");
+}
+
+std::span<const uint32_t> wordsOf(const VkShaderModuleCreateInfo &info)
+{
+    return {info.pCode, info.codeSize / sizeof(uint32_t)};
+}
+
+void checkStage(DeviceModel &device, const Place &place, const VkPipelineShaderStageCreateInfo &stage, VkFlags64 flags)
+{
+    const auto known = device.objects.modules.get(stage.module);
+    const auto *inlined =
+        stage.module ? nullptr
+                     : findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
+    if (inlined)
+        checkWords(device, place, wordsOf(*inlined));
+    if ((!known && !inlined) || (flags & kNoMicromaps) == 0)
+        return;
+    for (const spirv::EntryPoint &entry : entryPointsOf(known ? std::span(*known) : wordsOf(*inlined))) {
+        if (entry.name == stage.pName && entry.model == executionModelOf(stage.stage) &&
+            valueOf(entry.mode, stage.pSpecializationInfo).value_or(false))
+            device.at(place).report(
+                "VUID-RuntimeSpirv-micromap-11630", nullptr,
+                "entry point " + entry.name +
+                    " has the execution mode OpacityMicromapIdKHR; the pipeline has DISALLOW_OPACITY_MICROMAP");
+    }
+}
+
+// The flag of a pipeline that rays of ray tracing pipelines do not meet.
+void checkFlags(DeviceModel &device, const Place &place, VkFlags64 flags, const char *micromapRule)
+{
+    if ((flags & kMicromapFlags) != 0)
+        device.at(place).report(micromapRule, "flags",
+                                "RAY_TRACING_OPACITY_MICROMAP, which is for ray tracing pipelines only");
+}
+
+input::Pipelines checkPipelines(DeviceValidation &device, uint32_t count, const VkComputePipelineCreateInfo *infos)
+{
+    const Place command("vkCreateComputePipelines");
+    for (uint32_t i = 0; device.checks.core && i < count; ++i) {
+        const Place place = command.element("pCreateInfos", i);
+        const VkFlags64 flags = pipelineFlags(infos[i].pNext, infos[i].flags);
+        checkFlags(device, place, flags, "VUID-VkComputePipelineCreateInfo-flags-07367");
+        checkStage(device, place.member("stage"), infos[i].stage, flags);
+    }
+    return rules::checkPipelines(device.rules, count, infos);
+}
+
+// Each library of a graphics pipeline that makes the promise must make it.
+void checkLibraries(DeviceValidation &device, const Place &place, const VkGraphicsPipelineCreateInfo &info)
+{
+    const auto *libraries =
+        findInChain<VkPipelineLibraryCreateInfoKHR>(info.pNext, VK_STRUCTURE_TYPE_PIPELINE_LIBRARY_CREATE_INFO_KHR);
+    if (!libraries || (pipelineFlags(info.pNext, info.flags) & kMixedPromise) == 0)
+        return;
+    for (uint32_t i = 0; i < libraries->libraryCount; ++i) {
+        const VkPipeline library = libraries->pLibraries[i];
+        if (const auto flags = device.objects.libraries.get(library); flags && (*flags & kMixedPromise) == 0)
+            device.at(place.element("pLibraries", i), {VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(library)})
+                .report("VUID-VkGraphicsPipelineCreateInfo-pLibraries-11594", nullptr,
+                        "the library was created without OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX, which the "
+                        "pipeline has");
+    }
+}
+
+input::Pipelines checkPipelines(DeviceValidation &device, uint32_t count, const VkGraphicsPipelineCreateInfo *infos)
+{
+    const Place command("vkCreateGraphicsPipelines");
+    for (uint32_t i = 0; device.checks.core && i < count; ++i) {
+        const Place place = command.element("pCreateInfos", i);
+        const VkFlags64 flags = pipelineFlags(infos[i].pNext, infos[i].flags);
+        checkFlags(device, place, flags, "VUID-VkGraphicsPipelineCreateInfo-flags-07401");
+        checkLibraries(device, place, infos[i]);
+        const bool hasStages = infos[i].pStages && hasShaderStages(infos[i]);
+        for (uint32_t s = 0; hasStages && s < infos[i].stageCount; ++s)
+            checkStage(device, place.element("pStages", s), infos[i].pStages[s], flags);
+    }
+    return rules::checkPipelines(device.rules, count, infos);
+}
+
+input::Pipelines checkPipelines(DeviceValidation &device, uint32_t count,
+                                const VkRayTracingPipelineCreateInfoKHR *infos)
+{
+    const Place command("vkCreateRayTracingPipelinesKHR");
+    for (uint32_t i = 0; device.checks.core && i < count; ++i) {
+        const Place place = command.element("pCreateInfos", i);
+        const VkFlags64 flags = pipelineFlags(infos[i].pNext, infos[i].flags);
+        if ((flags & kMicromapFlags) != 0 && (flags & kNoMicromaps) != 0)
+            device.at(place).report("VUID-VkRayTracingPipelineCreateInfoKHR-flags-10392", "flags",
+                                    "both RAY_TRACING_OPACITY_MICROMAP and DISALLOW_OPACITY_MICROMAP");
+        for (uint32_t s = 0; s < infos[i].stageCount; ++s)
+            checkStage(device, place.element("pStages", s), infos[i].pStages[s], flags);
+    }
+    return rules::checkPipelines(device.rules, count, infos, [&](VkPipeline handle) {
+        const auto library = device.objects.libraries.get(handle);
+        return library ? std::optional((*library & kMicromapFlags) != 0) : std::nullopt;
+    });
+}
+
+input::Pipelines checkShaders(DeviceValidation &device, uint32_t count, const VkShaderCreateInfoEXT *infos)
+{
+    const Place command("vkCreateShadersEXT");
+    for (uint32_t i = 0; device.checks.core && i < count; ++i) {
+        const Place place = command.element("pCreateInfos", i);
+        if (infos[i].codeType == VK_SHADER_CODE_TYPE_SPIRV_EXT)
+            checkWords(device, place,
+                       {static_cast<const uint32_t *>(infos[i].pCode), infos[i].codeSize / sizeof(uint32_t)});
+    }
+    return rules::checkShaders(device.rules, count, infos);
+}
+
+// Keeps the flags of libraries.
+template <typename Info>
+void keepLibraries(DeviceValidation &device, uint32_t count, const Info *infos, const VkPipeline *pipelines)
+{
+    for (uint32_t i = 0; i < count; ++i) {
+        const VkFlags64 flags = pipelineFlags(infos[i].pNext, infos[i].flags);
+        if (pipelines[i] && (flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0)
+            remember(device.objects, [&] { device.objects.libraries.set(pipelines[i], flags); });
+    }
+}
 
 // Creates pipelines by `create(infos)`. `checked`: by the rules.
 template <typename Info, typename Create>
@@ -31,24 +172,8 @@ VkResult createPipelines(DeviceValidation &device, uint32_t count, const Info *i
     const input::Checked handed(own.data(), checked);
     const VkResult result = create(own.data());
     marked.set(count, pipelines);
+    keepLibraries(device, count, infos, pipelines);
     return result;
-}
-
-// Each library of a graphics pipeline that makes the promise must make it.
-void checkLibraries(DeviceValidation &device, const Place &place, const VkGraphicsPipelineCreateInfo &info)
-{
-    const auto *libraries =
-        findInChain<VkPipelineLibraryCreateInfoKHR>(info.pNext, VK_STRUCTURE_TYPE_PIPELINE_LIBRARY_CREATE_INFO_KHR);
-    if (!libraries || (pipelineFlags(info.pNext, info.flags) & kMixedPromise) == 0)
-        return;
-    for (uint32_t i = 0; i < libraries->libraryCount; ++i) {
-        const VkPipeline library = libraries->pLibraries[i];
-        if (const auto flags = device.traces.libraries.get(library); flags != 0 && (flags & kMixedPromise) == 0)
-            device.at(place.element("pLibraries", i), {VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(library)})
-                .report("VUID-VkGraphicsPipelineCreateInfo-pLibraries-11594", nullptr,
-                        "the library was created without OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX, which the "
-                        "pipeline has");
-    }
 }
 
 } // namespace
@@ -56,25 +181,24 @@ void checkLibraries(DeviceValidation &device, const Place &place, const VkGraphi
 VkResult createShaderModule(DeviceValidation &device, VkDevice handle, const VkShaderModuleCreateInfo *info,
                             const VkAllocationCallbacks *allocator, VkShaderModule *module)
 {
-    checkModule(device, *info);
+    const std::span<const uint32_t> words = wordsOf(*info);
+    const Place command("vkCreateShaderModule");
+    if (device.checks.core)
+        checkWords(device, command.member("pCreateInfo"), words);
     const VkResult result = device.next.CreateShaderModule(handle, info, allocator, module);
-    if (result != VK_SUCCESS)
-        return result;
-    remember(device.objects, [&] {
-        keepModule(device, *info, *module);
-        const std::span<const uint32_t> words(info->pCode, info->codeSize / 4);
-        if ((device.checks.gpu || device.checks.core) && spirv::scan(words).tracesRays)
-            device.traces.modules.set(*module,
-                                      std::make_shared<const std::vector<uint32_t>>(words.begin(), words.end()));
-    });
+    if (result == VK_SUCCESS && (device.checks.gpu || device.checks.core))
+        remember(device.objects, [&] {
+            if (spirv::scan(words).tracesRays || !entryPointsOf(words).empty())
+                device.objects.modules.set(*module,
+                                           std::make_shared<const std::vector<uint32_t>>(words.begin(), words.end()));
+        });
     return result;
 }
 
 void destroyShaderModule(DeviceValidation &device, VkDevice handle, VkShaderModule module,
                          const VkAllocationCallbacks *allocator)
 {
-    device.traces.modules.take(module);
-    device.objects.pipelines.modules.take(module);
+    device.objects.modules.take(module);
     device.next.DestroyShaderModule(handle, module, allocator);
 }
 
@@ -102,9 +226,6 @@ VkResult createGraphicsPipelines(DeviceValidation &device, VkDevice handle, VkPi
                                  const VkGraphicsPipelineCreateInfo *infos, const VkAllocationCallbacks *allocator,
                                  VkPipeline *pipelines)
 {
-    const Place command("vkCreateGraphicsPipelines");
-    for (uint32_t i = 0; i < count && device.checks.core; ++i)
-        checkLibraries(device, command.element("pCreateInfos", i), infos[i]);
     const input::Pipelines checked = checkPipelines(device, count, infos);
     return createPipelines(device, count, infos, pipelines, checked, [&](const VkGraphicsPipelineCreateInfo *own) {
         return device.next.CreateGraphicsPipelines(handle, cache, count, own, allocator, pipelines);
@@ -120,12 +241,13 @@ VkResult createRayTracingPipelines(DeviceValidation &device, VkDevice handle, Vk
         return device.next.CreateRayTracingPipelinesKHR(handle, deferred, cache, count, own, allocator, pipelines);
     };
     input::Pipelines checked = checkPipelines(device, count, infos);
-    const input::Checked handed(infos, checked);
+    if (!deferred)
+        return createPipelines(device, count, infos, pipelines, std::move(checked), create);
     // The create infos of a deferred operation are used, and the handles are written, after this command.
-    const VkResult result =
-        deferred ? create(infos) : createPipelines(device, count, infos, pipelines, checked, create);
+    const input::Checked handed(infos, checked);
+    const VkResult result = create(infos);
     if (result == VK_SUCCESS || result == VK_OPERATION_NOT_DEFERRED_KHR)
-        remember(device.objects, [&] { keepLibraries(device, count, infos, pipelines); });
+        keepLibraries(device, count, infos, pipelines);
     return result;
 }
 
@@ -133,8 +255,7 @@ void destroyPipeline(DeviceValidation &device, VkDevice handle, VkPipeline pipel
                      const VkAllocationCallbacks *allocator)
 {
     device.traces.pipelines.take(pipeline);
-    device.traces.libraries.take(pipeline);
-    device.objects.pipelines.libraries.take(pipeline);
+    device.objects.libraries.take(pipeline);
     device.next.DestroyPipeline(handle, pipeline, allocator);
 }
 

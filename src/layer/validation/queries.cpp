@@ -5,6 +5,7 @@
 #include "layer/input/checked.h"
 #include "layer/rules/copies.h"
 #include "layer/validation/commands.h"
+#include "layer/validation/rules/implicit_rules.h"
 #include "layer/validation/rules/rule_check.h"
 
 namespace vellum::layer
@@ -222,6 +223,43 @@ void cmdWriteAccelerationStructuresProperties(DeviceValidation &device, VkComman
 {
     writeProperties(device, commandBuffer, "vkCmdWriteAccelerationStructuresPropertiesKHR", "pAccelerationStructures",
                     count, structures, type, pool, first, device.next.CmdWriteAccelerationStructuresPropertiesKHR);
+}
+
+VkResult writeMicromapsProperties(DeviceValidation &device, VkDevice handle, uint32_t count,
+                                  const VkMicromapEXT *micromaps, VkQueryType type, size_t bytes, void *data,
+                                  size_t stride)
+{
+    const Place command("vkWriteMicromapsPropertiesEXT");
+    checkCount(device, "vkWriteMicromapsPropertiesEXT", "micromapCount", count,
+               "VUID-vkWriteMicromapsPropertiesEXT-micromapCount-arraylength");
+    input::PropertyQuery query = input::parseQuery(count, micromaps, type, 0);
+    query.bytes = bytes;
+    query.stride = stride;
+    query.memory = data;
+    rules::checkHostQuery(device.at(command), query, [&device](ObjectHandle object) { return device.factsOf(object); });
+    for (uint32_t i = 0; device.checks.core && i < count; ++i) {
+        const Place place = command.element("pMicromaps", i);
+        const RuleCheck part(device, place, micromaps[i]);
+        const auto micromap = device.objects.micromaps.get(micromaps[i]);
+        checkConstructed(part, micromap, "VUID-vkWriteMicromapsPropertiesEXT-pMicromaps-11671");
+        if (type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT)
+            checkCompactable(part, micromap, "VUID-vkWriteMicromapsPropertiesEXT-pMicromaps-07502");
+    }
+    const input::Checked checked(micromaps, query);
+    return device.next.WriteMicromapsPropertiesEXT(handle, count, micromaps, type, bytes, data, stride);
+}
+
+VkResult writeAccelerationStructuresProperties(DeviceValidation &device, VkDevice handle, uint32_t count,
+                                               const VkAccelerationStructureKHR *structures, VkQueryType type,
+                                               size_t bytes, void *data, size_t stride)
+{
+    const Place command("vkWriteAccelerationStructuresPropertiesKHR");
+    for (uint32_t i = 0; device.checks.core && i < count; ++i) {
+        const Place place = command.element("pAccelerationStructures", i);
+        checkConstructed(RuleCheck(device, place, structures[i]), device.objects.structures.get(structures[i]),
+                         "VUID-vkWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-11591");
+    }
+    return device.next.WriteAccelerationStructuresPropertiesKHR(handle, count, structures, type, bytes, data, stride);
 }
 
 } // namespace validation

@@ -17,34 +17,6 @@ using namespace shared;
 
 constexpr uint32_t kLossy = VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
 
-// The limits of the implementation of micromaps. A driver is queried for its own; translation never makes a lossy
-// build.
-LevelLimits ownLimits(const Driver &driver)
-{
-    if (driver.emulated())
-        return {};
-    VkPhysicalDeviceOpacityMicromapPropertiesEXT ext{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT};
-    VkPhysicalDeviceOpacityMicromapPropertiesKHR khr{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR};
-    const bool own = driver.enabled.khr && !driver.translated();
-    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2,
-                                           own ? static_cast<void *>(&khr) : static_cast<void *>(&ext),
-                                           {}};
-    driver.instance->GetPhysicalDeviceProperties2(driver.physicalDevice, &properties);
-    if (own)
-        return {khr.maxOpacity2StateSubdivisionLevel, khr.maxOpacity4StateSubdivisionLevel,
-                khr.maxOpacityLossy4StateSubdivisionLevel};
-    return {ext.maxOpacity2StateSubdivisionLevel, ext.maxOpacity4StateSubdivisionLevel,
-            ext.maxOpacity4StateSubdivisionLevel};
-}
-
-LevelLimits limitsOf(const Driver &driver)
-{
-    const LevelLimits own = ownLimits(driver);
-    return {simulatedLimit(own.twoState, driver.settings->most2StateLevel),
-            simulatedLimit(own.fourState, driver.settings->most4StateLevel),
-            simulatedLimit(own.lossy, driver.settings->mostLossyLevel)};
-}
-
 uint32_t highestLevel(const input::UsageCounts &usages)
 {
     uint32_t level = 0;
@@ -54,12 +26,13 @@ uint32_t highestLevel(const input::UsageCounts &usages)
 }
 
 // The word of limits that findingOfTriangle() takes.
-uint32_t limitsWord(const LevelLimits &limits, const input::MicromapBuild &build)
+uint32_t limitsWord(const RuleDevice &rules, const input::MicromapBuild &build)
 {
+    const MicromapLimits &limits = rules.limits(build.khr);
     const auto four = [](uint32_t level) { return std::min(level, 15u); };
-    return std::min(limits.twoState, kUsageLevels - 1) |
-           std::min(limits.fourState, kUsageLevels - 1) << kLimitFourStateShift |
-           std::min(limits.lossy, kUsageLevels - 1) << kLimitLossyShift |
+    return std::min(limits.twoStateLevel, kUsageLevels - 1) |
+           std::min(limits.fourStateLevel, kUsageLevels - 1) << kLimitFourStateShift |
+           std::min(limits.lossyLevel, kUsageLevels - 1) << kLimitLossyShift |
            four(highestLevel(build.usages)) << kLimitDeclaredShift |
            (build.khr && (build.flags & kLossy) != 0 ? kLimitLossy : 0);
 }
@@ -85,7 +58,6 @@ void GpuChecks::create(const Driver &driver)
                                 "bufferDeviceAddress is not enabled: data on the GPU is not checked");
         return;
     }
-    limits = limitsOf(driver);
     device.checks.gpu =
         log.create(device.buffers.gpu) == VK_SUCCESS && device.records.create(device.buffers.gpu) == VK_SUCCESS;
     if (!device.checks.gpu)
@@ -149,7 +121,7 @@ void GpuBuildChecks::add(const input::MicromapBuild &build)
     push.count = static_cast<uint32_t>(count);
     push.dataBytes =
         static_cast<uint32_t>(std::min<VkDeviceSize>(addresses.bytesFrom(build.data.deviceAddress), UINT32_MAX));
-    push.limits = limitsWord(gpu_.limits, build);
+    push.limits = limitsWord(device_.rules, build);
 }
 
 void GpuBuildChecks::add(const input::StructureBuild &build)
@@ -298,7 +270,7 @@ void checkHostBuild(GpuChecks &gpu, const input::MicromapBuild &build)
         VkMicromapTriangleEXT t;
         std::memcpy(&t, triangles + finding.element * build.triangleStride, sizeof t);
         finding.what =
-            findingOfTriangle(t.dataOffset, t.subdivisionLevel, t.format, limitsWord(gpu.limits, build), UINT32_MAX);
+            findingOfTriangle(t.dataOffset, t.subdivisionLevel, t.format, limitsWord(device.rules, build), UINT32_MAX);
         finding.value0 = t.dataOffset;
         finding.value1 = t.subdivisionLevel | uint32_t{t.format} << 16;
         if (finding.what != 0) {

@@ -19,18 +19,10 @@
 namespace vellum::layer
 {
 
-// The greatest subdivision levels of micromap triangles.
-struct LevelLimits {
-    uint32_t twoState = 12;
-    uint32_t fourState = 12;
-    uint32_t lossy = 12;
-};
-
 struct GpuChecks {
     DeviceModel &device;
     GpuLog log{};
     PendingChecks pending{};
-    LevelLimits limits{};
 
     // `driver`: the device as the implementation of micromaps knows it. Reports why the check is off if it cannot be
     // made.

@@ -54,7 +54,8 @@ std::string indexText(uint32_t index)
 BrokenRule levelRule(const GpuChecks &gpu, bool khr, uint32_t levelAndFormat)
 {
     const bool two = (levelAndFormat >> 16) == 1;
-    const uint32_t limit = two ? gpu.limits.twoState : gpu.limits.fourState;
+    const MicromapLimits &limits = gpu.device.rules.limits(khr);
+    const uint32_t limit = two ? limits.twoStateLevel : limits.fourStateLevel;
     const char *vuid = two   ? (khr ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11556"
                                     : "VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11659")
                        : khr ? "VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11566"
@@ -75,7 +76,8 @@ BrokenRule micromapRule(const GpuChecks &gpu, const Finding &f, bool khr)
     case kFindingLevel: return levelRule(gpu, khr, f.value1);
     case kFindingLossyLevel:
         return {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11567",
-                "subdivision level " + level + " is above " + number(gpu.limits.lossy) + ", the limit of lossy builds"};
+                "subdivision level " + level + " is above " + number(gpu.device.rules.khrLimits.lossyLevel) +
+                    ", the limit of lossy builds"};
     case kFindingLossyFormat:
         return {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-format-11713",
                 "its format is 2-state; that of lossy builds is 4-state"};

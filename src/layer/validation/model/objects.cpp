@@ -264,10 +264,38 @@ const char *lacksMemory(const DeviceModel &device, const ValidatedStructure &str
     return buffer->memory || isSparse ? nullptr : "its buffer is not bound to device memory";
 }
 
+MemoryRange memoryIn(const ValidatedBuffer *buffer, VkDeviceSize offset, VkDeviceSize size)
+{
+    if (!buffer || !buffer->memory || offset >= buffer->size)
+        return {};
+    const VkDeviceSize begin = buffer->memoryOffset + offset;
+    return {uint64_t(buffer->memory.load()), begin, begin + std::min(size, buffer->size - offset)};
+}
+
 std::shared_ptr<ValidatedBuffer> bufferAt(const DeviceModel &device, VkDeviceAddress address)
 {
     const AddressMap::Location location = device.buffers.addresses.find(address);
     return location.buffer ? device.objects.buffers.get(location.buffer) : nullptr;
+}
+
+ObjectFacts DeviceModel::factsOf(ObjectHandle handle) const
+{
+    const auto structure = objects.structureOf(handle);
+    if (!structure)
+        return {.exists = handle && objects.anyUnknown,
+                .destroyed = handle && objects.destroyed.contains(handle),
+                .size = UINT64_MAX};
+    ObjectFacts found{.exists = true,
+                      .type = structure->isMicromap() ? VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR
+                                                      : structure->type,
+                      .size = structure->size};
+    found.content = found.type;
+    if (found.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR && rules.content)
+        found.content = rules.content(handle);
+    found.lacksMemory = lacksMemory(*this, *structure);
+    if (const ValidatedBuffer *buffer = structure->buffer.get())
+        found.hostVisible = buffer->memory && objects.memories.get(buffer->memory).hostVisible;
+    return found;
 }
 
 } // namespace vellum::layer

@@ -20,7 +20,6 @@
 #include "layer/validation/model/contents.h"
 #include "layer/validation/model/descriptors.h"
 #include "layer/validation/model/structure_records.h"
-#include "spirv/module/micromap_mode.h"
 #include "vk/newer.h"
 
 namespace vellum::layer
@@ -330,12 +329,6 @@ struct ValidatedImage {
     uint32_t arrayLayers = 0;
 };
 
-struct ValidatedPipelines {
-    // Entry points of modules with the execution mode OpacityMicromapIdKHR.
-    HandleMap<VkShaderModule, std::shared_ptr<const std::vector<spirv::EntryPoint>>> modules;
-    HandleMap<VkPipeline, std::optional<VkFlags64>> libraries; // their flags
-};
-
 struct ValidatedCommandPool {
     uint32_t family = 0;
     bool isProtected = false;
@@ -357,7 +350,9 @@ struct ValidatedObjects {
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<ValidatedStructure>> structures;
     HandleMap<VkMicromapEXT, std::shared_ptr<ValidatedStructure>> micromaps;
     HandleMap<VkImage, std::shared_ptr<const ValidatedImage>> images;
-    ValidatedPipelines pipelines;
+    // Words of modules that trace rays, or have an entry point with the execution mode OpacityMicromapIdKHR.
+    HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> modules;
+    HandleMap<VkPipeline, std::optional<VkFlags64>> libraries; // flags of pipeline libraries
     DescriptorTracker descriptors;
     HandleMap<VkQueue, uint32_t> queueFamilies;
     HandleMap<VkCommandPool, ValidatedCommandPool> commandPools;
@@ -400,6 +395,8 @@ std::string isNotConstructed(const DeviceModel &device, const ValidatedStructure
 const char *lacksMemory(const DeviceModel &device, const ValidatedStructure &structure);
 // The contents of a structure whose build or copy does not show them.
 std::shared_ptr<StructureContents> unknownContents(VkAccelerationStructureTypeKHR type);
+// A part of a buffer, up to its end; unknown without a buffer or its memory.
+MemoryRange memoryIn(const ValidatedBuffer *buffer, VkDeviceSize offset, VkDeviceSize size);
 // The buffer at an address; null if there is none or it is unknown.
 std::shared_ptr<ValidatedBuffer> bufferAt(const DeviceModel &device, VkDeviceAddress address);
 

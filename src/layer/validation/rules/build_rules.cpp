@@ -80,7 +80,7 @@ BuildMemory memoryOf(const DeviceModel &device, const input::StructureBuild &bui
             memoryAt(device, build.given->scratchData.deviceAddress, scratch)};
 }
 
-std::pair<VkDeviceMemory, VkDeviceSize> placeOf(const MemoryRange &range)
+std::pair<uint64_t, uint64_t> placeOf(const MemoryRange &range)
 {
     return {range.memory, range.begin};
 }

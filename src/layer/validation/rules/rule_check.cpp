@@ -76,10 +76,8 @@ void RuleCheck::afterExecution(std::function<void(bool)> effect) const
 
 MemoryRange memoryOf(const ValidatedStructure *structure, VkDeviceSize bytes)
 {
-    if (!structure || !structure->buffer || !structure->buffer->memory)
-        return {};
-    const VkDeviceSize begin = structure->buffer->memoryOffset + structure->offset;
-    return {structure->buffer->memory.load(), begin, begin + std::min(bytes, structure->size)};
+    return structure ? memoryIn(structure->buffer.get(), structure->offset, std::min(bytes, structure->size))
+                     : MemoryRange{};
 }
 
 MemoryRange memoryAt(const DeviceModel &device, VkDeviceAddress address, VkDeviceSize bytes, VkBuffer known)
@@ -87,10 +85,8 @@ MemoryRange memoryAt(const DeviceModel &device, VkDeviceAddress address, VkDevic
     const auto buffer = known ? device.objects.buffers.get(known) : bufferAt(device, address);
     if (bytes == 0)
         return {};
-    if (!buffer || !buffer->memory)
-        return {VK_NULL_HANDLE, address, address + bytes};
-    const VkDeviceSize begin = address - buffer->address + buffer->memoryOffset;
-    return {buffer->memory.load(), begin, begin + bytes};
+    return buffer && buffer->memory ? memoryIn(buffer.get(), address - buffer->address, bytes)
+                                    : MemoryRange{0, address, address + bytes};
 }
 
 void checkConstructed(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &structure, const char *vuid)

@@ -37,20 +37,10 @@ private:
     VkCommandBuffer commandBuffer_;
 };
 
-// A range of memory that an object or an address names.
-struct MemoryRange {
-    VkDeviceMemory memory = VK_NULL_HANDLE; // null: unknown, and the range is one of addresses, or empty
-    VkDeviceSize begin = 0;
-    VkDeviceSize end = 0;
-
-    [[nodiscard]] bool overlaps(const MemoryRange &other) const
-    {
-        return memory == other.memory && begin < other.end && other.begin < end;
-    }
-};
 // The first `bytes` bytes of a structure, at most its size.
 MemoryRange memoryOf(const ValidatedStructure *structure, VkDeviceSize bytes);
-// Buffers may alias each other in memory. `known`: the buffer at the address, if it was looked up.
+// Buffers may alias each other in memory. Of unknown memory, the range is that of the addresses. `known`: the buffer at
+// the address, if it was looked up.
 MemoryRange memoryAt(const DeviceModel &device, VkDeviceAddress address, VkDeviceSize bytes,
                      VkBuffer known = VK_NULL_HANDLE);
 

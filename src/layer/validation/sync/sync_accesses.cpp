@@ -12,14 +12,6 @@ namespace
 
 constexpr VkDeviceSize kStructureAlignment = 256; // of offsets in buffers
 
-Range rangeOf(const ValidatedBuffer *buffer, VkDeviceSize offset, VkDeviceSize size)
-{
-    if (!buffer || !buffer->memory || offset >= buffer->size)
-        return {};
-    const VkDeviceSize begin = buffer->memoryOffset + offset;
-    return {uint64_t(buffer->memory.load()), begin, begin + std::min(size, buffer->size - offset)};
-}
-
 std::string stagesText(VkPipelineStageFlags2 stages)
 {
     if (stages & VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR)
@@ -73,7 +65,7 @@ Location locationOf(const ValidatedStructure *structure)
     if (!structure)
         return {};
     const VkDeviceSize bytes = std::min(structure->size, kStructureAlignment);
-    return {rangeOf(structure->buffer.get(), structure->offset, bytes),
+    return {memoryIn(structure->buffer.get(), structure->offset, bytes),
             structure->buffer && structure->buffer->exclusive, structure->handle};
 }
 
@@ -83,7 +75,7 @@ Location locationAt(const DeviceModel &device, VkDeviceAddress address, VkDevice
     const auto buffer = found.buffer ? device.objects.buffers.get(found.buffer) : nullptr;
     if (!buffer || size == 0)
         return {};
-    return {rangeOf(buffer.get(), found.offset, size), buffer->exclusive, buffer->handle, buffer, address};
+    return {memoryIn(buffer.get(), found.offset, size), buffer->exclusive, buffer->handle, buffer, address};
 }
 
 Location locationIn(const DeviceModel &device, VkBuffer handle, VkDeviceSize offset, VkDeviceSize size)
@@ -95,12 +87,7 @@ Location locationIn(const DeviceModel &device, VkBuffer handle, VkDeviceSize off
         VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
     if (!buffer || (buffer->usage & interesting) == 0)
         return {};
-    return {rangeOf(buffer.get(), offset, size), buffer->exclusive, buffer->handle, buffer};
-}
-
-Range rangeIn(const DeviceModel &device, VkBuffer handle, VkDeviceSize offset, VkDeviceSize size)
-{
-    return rangeOf(device.objects.buffers.get(handle).get(), offset, size);
+    return {memoryIn(buffer.get(), offset, size), buffer->exclusive, buffer->handle, buffer};
 }
 
 void report(DeviceModel &device, const Hazard &hazard)

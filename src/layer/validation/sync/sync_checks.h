@@ -109,8 +109,6 @@ Location locationOf(const ValidatedStructure *structure);
 Location locationAt(const DeviceModel &device, VkDeviceAddress address, VkDeviceSize size);
 // The location for buffers that structures or their builds may access; empty for others.
 Location locationIn(const DeviceModel &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize size);
-// As above, for any buffer.
-Range rangeIn(const DeviceModel &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize size);
 
 // For example "vkCmdBuildMicromapsEXT: pInfos[2]". `Part`: Access or CommandUse.
 template <typename Part>

@@ -90,7 +90,7 @@ private:
     };
     static Range rangeOf(const DeviceModel &device, const Part &part)
     {
-        return part.buffer ? rangeIn(device, part.buffer, part.begin, part.size)
+        return part.buffer ? memoryIn(device.objects.buffers.get(part.buffer).get(), part.begin, part.size)
                            : locationAt(device, part.begin, part.size).range;
     }
     template <typename MemoryBarrier>

@@ -24,14 +24,7 @@
 namespace vellum::layer::sync
 {
 
-// Bytes of device memory; that of buffers that share memory is the same.
-struct Range {
-    uint64_t memory = 0; // 0: unknown, or all memory
-    uint64_t begin = 0;
-    uint64_t end = 0;
-    [[nodiscard]] bool empty() const { return memory == 0 || begin >= end; }
-    bool operator==(const Range &) const = default;
-};
+using Range = MemoryRange; // in barriers, an unknown one is all memory
 
 struct Scope {
     VkPipelineStageFlags2 stages = 0;

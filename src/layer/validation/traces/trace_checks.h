@@ -188,11 +188,9 @@ struct DeviceTraces {
     TraceMarks marks{};
     TracedStructures traced{};
     PendingTraces pending{};
-    std::atomic<bool> deserializes = false;                                            // a structure was deserialized
-    HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> modules{}; // modules that trace rays
+    std::atomic<bool> deserializes = false; // a structure was deserialized
     HandleMap<VkPipeline, std::shared_ptr<const TracingCode>> pipelines{};
     HandleMap<VkShaderEXT, std::shared_ptr<const TracingCode>> shaders{};
-    HandleMap<VkPipeline, VkFlags64> libraries{}; // flags of pipeline libraries
 };
 
 void bindTracingPipeline(DeviceTraces &traces, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,

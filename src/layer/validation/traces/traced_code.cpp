@@ -159,8 +159,6 @@ void MarkedPipelines::set(uint32_t count, const VkPipeline *pipelines)
         if (!pipelines[i])
             continue;
         Made &made = made_[i];
-        if ((made.flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0)
-            remember(traces_.device.objects, [&] { traces_.libraries.set(pipelines[i], made.flags); });
         if (!made.code)
             continue;
         made.code->handle = {VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(pipelines[i])};
@@ -190,7 +188,7 @@ void MarkedPipelines::change(VkPipelineShaderStageCreateInfo &stage)
     Made &made = made_.back();
     const auto *inlined =
         findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
-    const auto known = stage.module ? traces_.modules.get(stage.module) : nullptr;
+    const auto known = stage.module ? device_.objects.modules.get(stage.module) : nullptr;
     if (made.binaries || (!known && (stage.module || !inlined)))
         return;
     const std::span<const uint32_t> words =
