@@ -84,13 +84,13 @@ void printMicromaps(const RenderOptions &options, const Scene &scene, const rend
     const std::string states = fmt::format("{} transparent, {} opaque, {} unknown, of micro-triangles",
                                            percent(shares[0]), percent(shares[1]), percent(shares[2] + shares[3]));
     if (baked.extension.empty())
-        fmt::print("baked       {}level {}, {} distinct triangles: {}\n",
+        fmt::print("baked       {}level {}, {}: {}\n",
                    options.input && !options.bakeAnew ? "for this picture, as the file has no micromaps: " : "",
-                   options.bake.level ? std::to_string(*options.bake.level) : "auto", baked.distinctTriangles(),
-                   states);
+                   options.bake.level ? std::to_string(*options.bake.level) : "auto",
+                   counted(baked.distinctTriangles, "distinct triangle"), states);
     else
         fmt::print("in the file {} by {}, {}: {}\n", counted(baked.count(), "geometry", "geometries"), baked.extension,
-                   counted(baked.distinctTriangles(), "micromap triangle"), states);
+                   counted(baked.distinctTriangles, "micromap triangle"), states);
     const std::vector<const Micromap *> micromaps = baked.micromaps();
     if (const auto surface = surfaceShares(scene, [&](size_t geometry) { return micromaps[geometry]; }))
         fmt::print("surface     {}\n", describe(*surface));

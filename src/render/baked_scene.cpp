@@ -20,7 +20,6 @@ BakeStatistics statisticsOf(const Micromap &micromap)
     for (const MicromapTriangle &triangle : micromap.triangles)
         ofTriangle.push_back(counter.count(triangle));
     BakeStatistics statistics;
-    statistics.distinct = micromap.triangles.size();
     for (const int32_t index : micromap.indices) {
         if (const auto state = specialState(index)) {
             ++statistics.special[static_cast<size_t>(*state)];
@@ -84,14 +83,6 @@ std::array<double, 4> BakedScene::stateShares() const
     return shares;
 }
 
-size_t BakedScene::distinctTriangles() const
-{
-    size_t count = 0;
-    for (const std::optional<BakeResult> &r : results)
-        count += r ? r->statistics.distinct : 0;
-    return count;
-}
-
 size_t BakedScene::count() const
 {
     size_t count = 0;
@@ -128,7 +119,9 @@ BakedScene bakeScene(const Scene &scene, BakeOptions options, BlendRule blend)
         const AlphaTexture texture = alphaTexture(m, scene.images[static_cast<size_t>(m.image)]);
         input.textures = {&texture, 1};
         input.triangles = triangles;
-        divide(scene, geometries, bake({&input, 1}, options), baked);
+        BakeResult whole = bake({&input, 1}, options);
+        baked.distinctTriangles += whole.statistics.distinct;
+        divide(scene, geometries, std::move(whole), baked);
     }
     return baked;
 }
@@ -138,6 +131,9 @@ BakedScene storedScene(const Scene &scene, const StoredMicromaps &stored, uint64
     BakedScene baked;
     uint64_t bytes = 0;
     baked.extension = stored.extension;
+    std::vector<std::vector<bool>> used; // by micromap, its triangles
+    for (const StoredMicromap &micromap : stored.micromaps)
+        used.emplace_back(micromap.triangles.size());
     for (const Geometry &g : scene.geometries) {
         baked.results.emplace_back();
         if (!g.place || !scene.materials[g.material].masked())
@@ -150,8 +146,14 @@ BakedScene storedScene(const Scene &scene, const StoredMicromaps &stored, uint64
                                 ": the micromaps of all primitives have more than " + std::to_string(mostBytes) +
                                 " bytes together");
             baked.results.back() = resultOf(std::move(*micromap));
+            const PrimitiveMicromap &primitive = stored.primitives.at(*g.place);
+            for (const int32_t index : primitive.indices)
+                if (index >= 0)
+                    used[primitive.micromap][static_cast<uint32_t>(index) + primitive.baseTriangle] = true;
         }
     }
+    for (const std::vector<bool> &triangles : used)
+        baked.distinctTriangles += static_cast<size_t>(std::count(triangles.begin(), triangles.end(), true));
     return baked;
 }
 

@@ -18,12 +18,14 @@ struct BakedScene {
     // which the baker does not support, or by BlendRule::Skip.
     std::vector<std::optional<BakeResult>> results;
     std::string extension; // of the file that they are from; empty if they were baked
+    // Of the file: micromap triangles that geometries refer to. Of a bake: triangles with different texture
+    // coordinates, by material.
+    size_t distinctTriangles = 0;
 
     // For World and Renderer; valid as long as this object is unchanged.
     [[nodiscard]] std::vector<const Micromap *> micromaps() const;
     // Micro-triangles of all geometry triangles by State.
     [[nodiscard]] std::array<double, 4> stateShares() const;
-    [[nodiscard]] size_t distinctTriangles() const;
     // Geometries with a micromap.
     [[nodiscard]] size_t count() const;
 };

@@ -23,3 +23,40 @@ TEST(StoredScene, CopiesAreBounded)
     EXPECT_EQ(storedScene(scene, stored, four).count(), 4u);
     EXPECT_THROW(static_cast<void>(storedScene(scene, stored, four - 1)), GltfError);
 }
+
+// Primitives that share micromap triangles, special indices and a base count each triangle of the file once.
+TEST(StoredScene, SharedTrianglesCountOnce)
+{
+    StoredMicromaps stored;
+    const MicromapTriangle triangle{0, 0, Format::FourState};
+    stored.micromaps.push_back({{triangle, triangle, triangle}, {0}, {}});
+    stored.micromaps.push_back({{triangle}, {0}, {}});
+    Scene scene;
+    scene.materials.emplace_back().alphaMode = AlphaMode::Mask;
+    for (uint32_t i = 0; i < 4; ++i)
+        scene.geometries.emplace_back().place = PrimitivePlace{0, i};
+    stored.primitives[{0, 0}] = {0, {0, 1}, 0};
+    stored.primitives[{0, 1}] = {0, {0, -1}, 1};
+    stored.primitives[{0, 2}] = {1, {0, -4}, 0};
+    EXPECT_EQ(storedScene(scene, stored).distinctTriangles, 3u);
+}
+
+// So do those of a bake, however many geometries a material has: triangles with equal texture coordinates.
+TEST(BakedScene, EqualTrianglesOfAMaterialCountOnce)
+{
+    const std::vector<uint8_t> halves = {0, 0, 0, 255, 0, 0, 0, 0};
+    for (const size_t geometries : {size_t{1}, size_t{3}}) {
+        Scene scene;
+        scene.images.push_back({2, 1, halves});
+        Material &material = scene.materials.emplace_back();
+        material.alphaMode = AlphaMode::Mask;
+        material.image = 0;
+        for (size_t i = 0; i < geometries; ++i) {
+            vellum::Geometry &geometry = scene.geometries.emplace_back();
+            geometry.uvs = {{0, 0}, {1, 0}, {0, 1}, {0.05f, 0}, {0.1f, 0}, {0.05f, 0.1f}};
+            geometry.positions.resize(geometry.uvs.size());
+            geometry.indices = {0, 1, 2, 3, 4, 5, 0, 1, 2};
+        }
+        EXPECT_EQ(bakeScene(scene, {}).distinctTriangles, 2u) << geometries;
+    }
+}
