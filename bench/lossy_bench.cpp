@@ -122,8 +122,8 @@ void run(const Options &options)
                 bake.level = level;
                 const render::BakedScene baked = render::bakeScene(scene.scene, bake);
                 std::vector<Micromap> lossless;
-                for (const std::optional<BakeResult> &r : baked.results)
-                    lossless.push_back(r ? r->micromap : Micromap{});
+                for (const std::optional<Micromap> &r : baked.results)
+                    lossless.push_back(r.value_or(Micromap{}));
                 const Measured before = measure(device, scene, lossless, settings);
                 for (const uint32_t price : options.prices) {
                     std::vector<Micromap> lossy;

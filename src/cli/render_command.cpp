@@ -81,7 +81,7 @@ void printScene(const RenderOptions &options, const gpu::DeviceInfo &device, con
 void printMicromaps(const RenderOptions &options, const Scene &scene, const render::BakedScene &baked)
 {
     const auto shares = baked.stateShares();
-    const std::string states = fmt::format("{} transparent, {} opaque, {} unknown, of micro-triangles",
+    const std::string states = fmt::format("{} transparent, {} opaque, {} unknown, of triangles, each counted alike",
                                            percent(shares[0]), percent(shares[1]), percent(shares[2] + shares[3]));
     if (baked.extension.empty())
         fmt::print("baked       {}level {}, {}: {}\n",

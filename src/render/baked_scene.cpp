@@ -5,6 +5,7 @@
 #include <map>
 
 #include "gltf/file/gltf_error.h"
+#include "gltf/micromaps/known_surface.h"
 #include "gltf/micromaps/stored_micromaps.h"
 
 namespace vellum::render
@@ -12,48 +13,21 @@ namespace vellum::render
 namespace
 {
 
-// Micro-triangles of all triangles by State, and triangles with a special index.
-BakeStatistics statisticsOf(const Micromap &micromap)
-{
-    const StateCounter counter(micromap.data);
-    std::vector<StateCounts> ofTriangle;
-    for (const MicromapTriangle &triangle : micromap.triangles)
-        ofTriangle.push_back(counter.count(triangle));
-    BakeStatistics statistics;
-    for (const int32_t index : micromap.indices) {
-        if (const auto state = specialState(index)) {
-            ++statistics.special[static_cast<size_t>(*state)];
-            ++statistics.states[static_cast<size_t>(*state)];
-            continue;
-        }
-        for (size_t s = 0; s < 4; ++s)
-            statistics.states[s] += ofTriangle[static_cast<uint32_t>(index) + micromap.baseTriangle][s];
-    }
-    return statistics;
-}
-
-BakeResult resultOf(Micromap micromap)
-{
-    BakeResult result{std::move(micromap), {}};
-    result.statistics = statisticsOf(result.micromap);
-    return result;
-}
-
 // Gives each geometry its part of a micromap that was baked for all of them.
-void divide(const Scene &scene, const std::vector<size_t> &geometries, BakeResult whole, BakedScene &baked)
+void divide(const Scene &scene, const std::vector<size_t> &geometries, Micromap whole, BakedScene &baked)
 {
     if (geometries.size() == 1) {
         baked.results[geometries.front()] = std::move(whole);
         return;
     }
     StoredMicromaps stored;
-    stored.micromaps.push_back({std::move(whole.micromap.triangles), std::move(whole.micromap.data), {}});
-    auto next = whole.micromap.indices.begin();
+    stored.micromaps.push_back({std::move(whole.triangles), std::move(whole.data), {}});
+    auto next = whole.indices.begin();
     for (const size_t i : geometries) {
         const auto end = next + static_cast<ptrdiff_t>(scene.geometries[i].indices.size() / 3);
         const PrimitivePlace place{0, static_cast<uint32_t>(i)};
-        stored.primitives[place] = {0, {next, end}, whole.micromap.baseTriangle};
-        baked.results[i] = resultOf(*stored.of(place));
+        stored.primitives[place] = {0, {next, end}, whole.baseTriangle};
+        baked.results[i] = stored.of(place);
         next = end;
     }
 }
@@ -63,30 +37,37 @@ void divide(const Scene &scene, const std::vector<size_t> &geometries, BakeResul
 std::vector<const Micromap *> BakedScene::micromaps() const
 {
     std::vector<const Micromap *> pointers;
-    for (const std::optional<BakeResult> &r : results)
-        pointers.push_back(r ? &r->micromap : nullptr);
+    for (const std::optional<Micromap> &r : results)
+        pointers.push_back(r ? &*r : nullptr);
     return pointers;
 }
 
 std::array<double, 4> BakedScene::stateShares() const
 {
-    std::array<double, 4> shares{};
-    double total = 0;
-    for (const std::optional<BakeResult> &r : results) {
-        for (size_t s = 0; r && s < 4; ++s) {
-            shares[s] += static_cast<double>(r->statistics.states[s]);
-            total += static_cast<double>(r->statistics.states[s]);
+    std::array<double, 4> sum{};
+    size_t triangles = 0;
+    for (const std::optional<Micromap> &r : results) {
+        if (!r)
+            continue;
+        const auto ofTriangle = vellum::stateShares(r->triangles, r->data);
+        for (const int32_t index : r->indices) {
+            if (const auto state = specialState(index))
+                sum[static_cast<size_t>(*state)] += 1;
+            else
+                for (size_t s = 0; s < 4; ++s)
+                    sum[s] += ofTriangle[static_cast<uint32_t>(index) + r->baseTriangle][s];
         }
+        triangles += r->indices.size();
     }
-    for (double &share : shares)
-        share = total > 0 ? share / total : 0;
-    return shares;
+    for (double &share : sum)
+        share /= static_cast<double>(std::max<size_t>(triangles, 1));
+    return sum;
 }
 
 size_t BakedScene::count() const
 {
     size_t count = 0;
-    for (const std::optional<BakeResult> &r : results)
+    for (const std::optional<Micromap> &r : results)
         count += r ? 1u : 0u;
     return count;
 }
@@ -121,7 +102,7 @@ BakedScene bakeScene(const Scene &scene, BakeOptions options, BlendRule blend)
         input.triangles = triangles;
         BakeResult whole = bake({&input, 1}, options);
         baked.distinctTriangles += whole.statistics.distinct;
-        divide(scene, geometries, std::move(whole), baked);
+        divide(scene, geometries, std::move(whole.micromap), baked);
     }
     return baked;
 }
@@ -138,14 +119,13 @@ BakedScene storedScene(const Scene &scene, const StoredMicromaps &stored, uint64
         baked.results.emplace_back();
         if (!g.place || !scene.materials[g.material].masked())
             continue;
-        if (auto micromap = stored.of(*g.place)) {
+        if (auto &micromap = baked.results.back() = stored.of(*g.place)) {
             bytes += micromap->data.size() + micromap->triangles.size() * sizeof(MicromapTriangle);
             if (bytes > mostBytes)
                 throw GltfError("mesh " + std::to_string(g.place->mesh) + " primitive " +
                                 std::to_string(g.place->primitive) +
                                 ": the micromaps of all primitives have more than " + std::to_string(mostBytes) +
                                 " bytes together");
-            baked.results.back() = resultOf(std::move(*micromap));
             const PrimitiveMicromap &primitive = stored.primitives.at(*g.place);
             for (const int32_t index : primitive.indices)
                 if (index >= 0)

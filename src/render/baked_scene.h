@@ -16,7 +16,7 @@ namespace vellum::render
 struct BakedScene {
     // By geometry. Nothing if it is solid, if the file has none for it, and for baked ones if its vertices have alphas,
     // which the baker does not support, or by BlendRule::Skip.
-    std::vector<std::optional<BakeResult>> results;
+    std::vector<std::optional<Micromap>> results;
     std::string extension; // of the file that they are from; empty if they were baked
     // Of the file: micromap triangles that geometries refer to. Of a bake: triangles with different texture
     // coordinates, by material.
@@ -24,7 +24,7 @@ struct BakedScene {
 
     // For World and Renderer; valid as long as this object is unchanged.
     [[nodiscard]] std::vector<const Micromap *> micromaps() const;
-    // Micro-triangles of all geometry triangles by State.
+    // Shares of the states in all triangles of these geometries, each counted alike.
     [[nodiscard]] std::array<double, 4> stateShares() const;
     // Geometries with a micromap.
     [[nodiscard]] size_t count() const;
