@@ -20,6 +20,33 @@ bool flattens(const Transform &m)
     return !(std::abs(determinant(m)) > 1e-9 * volume);
 }
 
+// A transform that flattens, with so little thickness that nobody sees it, as those of instances must have an inverse
+// (VUID-VkTransformMatrixKHR-matrix-03799). One that flattens into a line or a point stays: nothing can be seen of it.
+Transform thickened(Transform m)
+{
+    const auto column = [&](size_t i) { return Vec3{m[0][i], m[1][i], m[2][i]}; };
+    const auto row = [&](size_t i) { return Vec3{m[i][0], m[i][1], m[i][2]}; };
+    Vec3 normal{}; // of the plane
+    Vec3 lost{};   // the direction that becomes nothing
+    float longest = 0;
+    for (size_t i = 0; i < 3; ++i) {
+        const size_t j = (i + 1) % 3;
+        longest = std::max(longest, length(column(i)));
+        if (const Vec3 c = cross(column(i), column(j)); length(c) > length(normal))
+            normal = c;
+        if (const Vec3 c = cross(row(i), row(j)); length(c) > length(lost))
+            lost = c;
+    }
+    if (!(length(normal) > 1e-4f * longest * longest))
+        return m;
+    normal = normalize(normal);
+    lost = normalize(lost);
+    for (size_t i = 0; i < 3; ++i)
+        for (size_t k = 0; k < 3; ++k)
+            m[i][k] += 1e-4f * longest * normal[i] * lost[k];
+    return m;
+}
+
 // Mirrored meshes stay apart: their triangles wind the other way round in the world.
 bool merges(const MeshInstance &instance, const std::vector<uint32_t> &counts)
 {
@@ -35,11 +62,14 @@ std::vector<uint32_t> countInstances(const Scene &scene)
 }
 
 // Merges all meshes that have one instance and are not mirrored into the first mesh, in the world's space, so that rays
-// visit one structure and not many that overlap. Removes instances that their transform flattens
-// (VUID-VkTransformMatrixKHR-matrix-03799) of meshes that have others.
+// visit one structure and not many that overlap. Of meshes with several, removes instances of which nothing can be
+// seen.
 void mergeSingleMeshes(Scene &scene)
 {
     std::vector<uint32_t> counts = countInstances(scene);
+    for (MeshInstance &i : scene.instances)
+        if (counts[i.mesh] > 1 && flattens(i.transform))
+            i.transform = thickened(i.transform);
     std::erase_if(scene.instances, [&](const MeshInstance &i) { return counts[i.mesh] > 1 && flattens(i.transform); });
     counts = countInstances(scene);
 
