@@ -125,3 +125,20 @@ TEST_F(States, SideBySideWithThePictureByMicromaps)
         }
     }
 }
+
+// What has no micromap is grey, and as large as in the picture: its alpha is tested.
+TEST_F(States, WithoutAMicromapAlphaIsTested)
+{
+    writeFile(folder / "card.glb",
+              cardGlb({{"\"alphaMode\": \"MASK\", \"alphaCutoff\": 0.25", "\"alphaMode\": \"BLEND\""}}));
+    const Png both = draw({(folder / "card.glb").string(), "--side-by-side"});
+    EXPECT_NE(lineOf(outcome, "alpha test"), "") << outcome.output;
+    ASSERT_EQ(both.width, 192u);
+    for (size_t y = 0; y < 64; ++y) {
+        for (size_t x = 0; x < 96; ++x) {
+            const Rgb &lit = both.pixels[y * 192 + x];
+            const double grey = 0.35 * 255 + 0.6 * (0.30 * lit.red + 0.59 * lit.green + 0.11 * lit.blue);
+            ASSERT_NEAR(both.pixels[y * 192 + 96 + x].green, grey, 2) << x << ", " << y;
+        }
+    }
+}

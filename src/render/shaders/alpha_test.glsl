@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The application's alpha test.
+#ifndef VELLUM_ALPHA_TEST_GLSL
+#define VELLUM_ALPHA_TEST_GLSL
 #include "scene.glsl"
 
 bool isLeaf(uint geometry, uint primitive, vec2 barycentrics)
@@ -23,3 +25,5 @@ bool isLeaf(uint geometry, uint primitive, vec2 barycentrics)
     }
     return alpha >= g.cutoff;
 }
+
+#endif

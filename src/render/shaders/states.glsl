@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The states of micromaps, painted on the leaves (--mode states). Written by state_table.cpp.
-#include "scene.glsl"
+// The states of micromaps, painted on the leaves (--mode states). makeStateTable of renderer.cpp has their layout.
+#include "alpha_test.glsl"
 #include "curve.h"
 
 layout(std430, binding = 6) readonly buffer States { uint states[]; };
@@ -46,7 +46,10 @@ float awayFromEdge(uint geometry, uint primitive, vec2 barycentrics)
 // A candidate on the way of a primary ray: does the ray end there?
 bool endsRay(uint geometry, uint primitive, vec2 barycentrics, float t)
 {
-    if (stateAt(geometry, primitive, barycentrics) != kTransparent)
+    const uint state = stateAt(geometry, primitive, barycentrics);
+    if (state == kNoState)
+        return isLeaf(geometry, primitive, barycentrics);
+    if (state != kTransparent)
         return true;
     veil = min(veil, t);
     return false;
