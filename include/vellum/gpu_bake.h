@@ -56,7 +56,7 @@ struct GpuAlphaInfo {
 
 // The triangles. Buffers of input and output need VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT. A triangle with an index
 // out of range, or a coordinate that is not finite or at least 2^24 texels from the origin, is unknown; nothing outside
-// of the buffers is read.
+// of the buffers is read if their sizes are multiples of 4: shaders load whole words, also of 8-bit and 16-bit numbers.
 struct GpuBakeInput {
     VkDeviceAddress uvs = 0;                      // address and stride: multiples of the size of a component
     std::uint32_t uvStride = 8;                   // bytes from one vertex to the next
