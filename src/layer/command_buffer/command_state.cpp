@@ -142,11 +142,11 @@ void CommandState::forgetBindings()
     pushes.clear();
 }
 
-void CommandState::setHeaps(bool used)
+void CommandState::setHeaps(bool uses)
 {
-    if (heaps != used)
+    if (heaps != uses)
         pushes.clear();
-    heaps = used;
+    heaps = uses;
 }
 
 VkResult allocateCommandBuffers(DeviceCommandBuffers &device, VkDevice handle, const VkCommandBufferAllocateInfo *info,

@@ -55,7 +55,7 @@ struct CommandState {
     std::unordered_set<std::shared_ptr<const void>> used;
 
     void forgetBindings();
-    void setHeaps(bool used);
+    void setHeaps(bool uses);
 };
 
 // The states of all command buffers of a device. Every recorded command looks one up, mostly the same as the command
