@@ -10,7 +10,7 @@ docs/messages.md: a row for the full id of each message, the rules that are not 
   Where src/layer has only the end of an id ("micromap-11636"), one command with a test stands for all;
 - every rule that src/layer names has a row, which does not call it impossible, and its id is stated once;
 - a row may stand for rules that differ in their command or structure, in whose place it has "*"; a row with the full id
-  goes before it;
+  goes before it. Each rule whose full id src/layer has needs a test of its own;
 - "without" is what the row of src/layer/rules does with a command that breaks the rule;
 - each message has one cause in messages.csv, where each id and pattern is that of a message;
 - columns have words that are known.
@@ -221,6 +221,9 @@ def wrong_row(row, names, tests, expected):
             yield f"{vuid}: src/layer does not name it"
         if not row["test"]:
             yield f"{vuid}: there is no test"
+        if is_numbered_pattern(row) and vuid not in names:
+            yield from (f"{name}: there is no test" for name in full_ids(row, names, ())
+                        if not expected_of(name, names, expected))
 
 
 def where_of(row, names, everywhere):

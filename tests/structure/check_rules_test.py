@@ -118,6 +118,12 @@ class CheckRules(unittest.TestCase):
         self.put("src/layer/validation/rules.csv", TABLE.replace("VUID-vkOld-micromap-00004", "VUID-*-micromap-00004").replace(
             "open,order", "shader,order").replace("undefined,", "undefined,Suite.Case") +
             "".join(f"VUID-*-{number},all,host,flags,ignored,Suite.Case\n" for number in (13097, 13100)))
+        self.put("tests/validation/b_programs.cpp", 'program("VUID-vkRangeKHR-b-13097");\n')
+        code, out = self.run_check("--write")
+        self.assertEqual(code, 1, out)
+        self.assertIn("VUID-vkRangeKHR-c-13100: there is no test\n", out)
+        self.assertNotIn("VUID-vkRangeKHR-b-13097", out)
+        self.put("tests/validation/c_programs.cpp", 'program("VUID-vkRangeKHR-c-13100");\n')
         code, out = self.run_check("--write")
         self.assertEqual((code, out), (0, "0 rules are open\n\n0 findings in 6 rules\n"))
         page = self.read("docs/messages.md")
