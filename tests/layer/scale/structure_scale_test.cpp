@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Thousands of bottom-level structures with micromaps in a frame, and a top-level structure of 100,000 instances in
 // each.
-#include <ctime>
+#include <algorithm>
+#include <chrono>
 
 #include "harness/program/labels.h"
 #include "scale/scale.h"
@@ -149,7 +150,7 @@ TEST_F(StructureScale, MemoryAfterThousandsOfGenericStructures)
 {
     const VkDevice device = gpu().device();
     constexpr VkDeviceSize kBytes = 4096;
-    // Processor time of each buffer that gets its memory after `count` structures were created.
+    // Time of each buffer that gets its memory after `count` structures were created.
     const auto timeOf = [&](size_t count) {
         std::vector<VkBuffer> buffers(count);
         std::vector<VkAccelerationStructureKHR> structures(count);
@@ -166,19 +167,21 @@ TEST_F(StructureScale, MemoryAfterThousandsOfGenericStructures)
         const VkDeviceSize stride = (needs.size + needs.alignment - 1) / needs.alignment * needs.alignment;
         needs.size = stride * count;
         const VkDeviceMemory memory = gpu().allocate(needs);
-        const std::clock_t start = std::clock();
+        const auto start = std::chrono::steady_clock::now(); // std::clock() has 1 ms on Windows
         for (size_t i = 0; i < count; ++i)
             VT_CHECK(vkBindBufferMemory(device, buffers[i], memory, i * stride));
-        const std::clock_t time = std::clock() - start;
+        const std::chrono::duration<double> time = std::chrono::steady_clock::now() - start;
         for (size_t i = 0; i < count; ++i) {
             gpu().vk().DestroyAccelerationStructureKHR(device, structures[i], nullptr);
             vkDestroyBuffer(device, buffers[i], nullptr);
         }
         vkFreeMemory(device, memory, nullptr);
-        return static_cast<double>(time) / static_cast<double>(count);
+        return time.count() / static_cast<double>(count);
     };
+    // Others use the processors as well.
+    const auto least = [&](size_t count) { return std::min({timeOf(count), timeOf(count), timeOf(count)}); };
     timeOf(500);
-    EXPECT_LT(timeOf(16000), 12 * timeOf(500)); // 32 where each looks at all structures
+    EXPECT_LT(least(16000), 12 * least(500)); // 32 where each looks at all structures
 }
 
 } // namespace
