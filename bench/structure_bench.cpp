@@ -36,8 +36,10 @@ void run(const gpu::DeviceInfo &off, const gpu::DeviceInfo &on, unsigned repetit
     };
     const auto memory = [](const std::string &name, const char *kind, VkDeviceSize bareBytes,
                            VkDeviceSize layeredBytes) {
-        const double off = static_cast<double>(bareBytes) / 1024, on = static_cast<double>(layeredBytes) / 1024;
-        fmt::print("| {} | {} | {:.1f} | {:.1f} | {:.1f} | {:.2f} | |\n", name, kind, off, on, on - off, on / off);
+        const double without = static_cast<double>(bareBytes) / 1024;
+        const double with = static_cast<double>(layeredBytes) / 1024;
+        fmt::print("| {} | {} | {:.1f} | {:.1f} | {:.1f} | {:.2f} | |\n", name, kind, without, with, with - without,
+                   with / without);
     };
     const auto row = [&](const std::string &name, cli::TimedBuilds &bareBuilds, cli::TimedBuilds &layeredBuilds) {
         measure(name, "wait", bareBuilds, layeredBuilds, [](cli::TimedBuilds &builds) { return builds.run().wall; });
