@@ -311,7 +311,7 @@ UvWindow windowOf(const InspectedFile &file, uint32_t material, const UvPictureO
     const double height = b.bottom - b.top + 2 * margin;
     UvWindow window{b.left - margin, b.top - margin, edge / std::max(width, height), 0, 0};
     const auto pixels = [&](double extent) {
-        return static_cast<uint32_t>(std::clamp(std::ceil(extent * window.scale), 48.0, double(edge)));
+        return static_cast<uint32_t>(std::min<double>(std::max(std::ceil(extent * window.scale), 48.0), edge));
     };
     window.width = pixels(width);
     window.height = pixels(height);
@@ -401,8 +401,8 @@ int drawLegend(LabelledPicture *drawing, const Tally &tally, int x, int y)
 LabelledPicture drawUvSpace(const InspectedFile &file, const UvPictureOptions &options)
 {
     const auto count = static_cast<double>(file.materials.size());
-    const auto edge =
-        static_cast<uint32_t>(std::clamp(std::sqrt(kMostPixels / count), double{kSmallestEdge}, double(options.edge)));
+    const auto edge = static_cast<uint32_t>(
+        std::min<double>(options.edge, std::max<double>(std::sqrt(kMostPixels / count), kSmallestEdge)));
     const auto columns = static_cast<size_t>(std::ceil(std::sqrt(count)));
     std::vector<Panel> panels(file.materials.size());
     for (uint32_t m = 0; m < panels.size(); ++m) {
