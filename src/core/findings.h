@@ -22,6 +22,7 @@ VELLUM_CONST uint kLogCount = 0u;
 VELLUM_CONST uint kLogEntryWords = 8u;
 VELLUM_CONST uint kLogCapacity = 4096u;
 VELLUM_CONST uint kSiteCommandShift = 24u;
+VELLUM_CONST uint kSiteInfoMask = 0xffffffu;
 VELLUM_CONST uint kNoGeometry = 0xffffffffu;
 
 // what: kFinding*, and these bits.

@@ -36,15 +36,6 @@ void rememberPush(CommandState &state, VkPipelineLayout layout, VkShaderStageFla
     state.pushes.push_back(std::move(push));
 }
 
-// Notes that a command buffer uses descriptor heaps.
-CommandState *enterHeaps(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer)
-{
-    CommandState *const state = device.states.get(commandBuffer);
-    if (state)
-        state->setHeaps(true);
-    return state;
-}
-
 // Gives back what the recorded commands used; with `all`, also memory for further ones.
 void releaseCommands(CommandState &state, bool all)
 {
@@ -134,19 +125,22 @@ void CommandStates::keep(VkCommandBuffer commandBuffer, std::shared_ptr<const vo
         state->used.insert(std::move(used));
 }
 
+CommandState *CommandStates::setHeaps(VkCommandBuffer commandBuffer, bool heaps) const
+{
+    CommandState *const state = get(commandBuffer);
+    if (state && state->heaps != heaps) {
+        state->pushes.clear();
+        state->heaps = heaps;
+    }
+    return state;
+}
+
 void CommandState::forgetBindings()
 {
     computePipeline = VK_NULL_HANDLE;
     rayTracingPipeline = VK_NULL_HANDLE;
     computeShader.reset();
     pushes.clear();
-}
-
-void CommandState::setHeaps(bool uses)
-{
-    if (heaps != uses)
-        pushes.clear();
-    heaps = uses;
 }
 
 VkResult allocateCommandBuffers(DeviceCommandBuffers &device, VkDevice handle, const VkCommandBufferAllocateInfo *info,
@@ -267,10 +261,8 @@ void cmdBindShaders(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
 void cmdPushConstants(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, VkPipelineLayout layout,
                       VkShaderStageFlags stages, uint32_t offset, uint32_t size, const void *values)
 {
-    if (const auto state = device.states.get(commandBuffer)) {
-        state->setHeaps(false);
+    if (CommandState *const state = device.states.setHeaps(commandBuffer, false))
         rememberPush(*state, layout, stages, offset, size, values);
-    }
     device.driver.next.CmdPushConstants(commandBuffer, layout, stages, offset, size, values);
 }
 
@@ -279,29 +271,14 @@ void cmdPushConstants2(DeviceCommandBuffers &device, VkCommandBuffer commandBuff
     // With a null layout the structure carries a VkPipelineLayoutCreateInfo, which cannot be kept for a later
     // vkCmdPushConstants. No known driver has both that feature (dynamicPipelineLayout of
     // VK_NV_per_stage_descriptor_set) and ray tracing.
-    if (const auto state = device.states.get(commandBuffer)) {
-        state->setHeaps(false);
-        if (info->layout)
-            rememberPush(*state, info->layout, info->stageFlags, info->offset, info->size, info->pValues);
-    }
+    if (CommandState *const state = device.states.setHeaps(commandBuffer, false); state && info->layout)
+        rememberPush(*state, info->layout, info->stageFlags, info->offset, info->size, info->pValues);
     device.driver.next.CmdPushConstants2KHR(commandBuffer, info);
-}
-
-void cmdBindSamplerHeap(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const VkBindHeapInfoEXT *info)
-{
-    enterHeaps(device, commandBuffer);
-    device.driver.next.CmdBindSamplerHeapEXT(commandBuffer, info);
-}
-
-void cmdBindResourceHeap(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const VkBindHeapInfoEXT *info)
-{
-    enterHeaps(device, commandBuffer);
-    device.driver.next.CmdBindResourceHeapEXT(commandBuffer, info);
 }
 
 void cmdPushData(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const VkPushDataInfoEXT *info)
 {
-    if (CommandState *const state = enterHeaps(device, commandBuffer))
+    if (CommandState *const state = device.states.setHeaps(commandBuffer, true))
         rememberPush(*state, VK_NULL_HANDLE, VK_SHADER_STAGE_ALL, info->offset, static_cast<uint32_t>(info->data.size),
                      info->data.address);
     device.driver.next.CmdPushDataEXT(commandBuffer, info);
@@ -310,8 +287,7 @@ void cmdPushData(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, co
 void cmdBindDescriptorBuffers(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, uint32_t count,
                               const VkDescriptorBufferBindingInfoEXT *infos)
 {
-    if (CommandState *const state = device.states.get(commandBuffer))
-        state->setHeaps(false);
+    device.states.setHeaps(commandBuffer, false);
     bindDescriptorBuffers(device.buffers, commandBuffer, count, infos);
 }
 

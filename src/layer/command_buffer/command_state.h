@@ -55,7 +55,6 @@ struct CommandState {
     std::unordered_set<std::shared_ptr<const void>> used;
 
     void forgetBindings();
-    void setHeaps(bool uses);
 };
 
 // The states of all command buffers of a device. Every recorded command looks one up, mostly the same as the command
@@ -82,6 +81,9 @@ public:
     void removePool(VkCommandPool pool); // with all command buffers in it
     // Null for a command buffer that the application did not allocate. Valid until the command buffer is freed.
     [[nodiscard]] CommandState *get(VkCommandBuffer commandBuffer) const;
+    // Notes where the shaders of a command buffer find descriptors from now on (CommandState::heaps). Returns its
+    // state, or null as get() does.
+    CommandState *setHeaps(VkCommandBuffer commandBuffer, bool heaps) const;
     void clear();
     // Keeps what a command uses that is about to be recorded, for as long as the command exists.
     void keep(VkCommandBuffer commandBuffer, std::shared_ptr<const void> used) const;
@@ -121,8 +123,6 @@ void cmdBindShaders(DeviceCommandBuffers &, VkCommandBuffer, uint32_t, const VkS
 void cmdPushConstants(DeviceCommandBuffers &, VkCommandBuffer, VkPipelineLayout, VkShaderStageFlags, uint32_t, uint32_t,
                       const void *);
 void cmdPushConstants2(DeviceCommandBuffers &, VkCommandBuffer, const VkPushConstantsInfoKHR *);
-void cmdBindSamplerHeap(DeviceCommandBuffers &, VkCommandBuffer, const VkBindHeapInfoEXT *);
-void cmdBindResourceHeap(DeviceCommandBuffers &, VkCommandBuffer, const VkBindHeapInfoEXT *);
 void cmdPushData(DeviceCommandBuffers &, VkCommandBuffer, const VkPushDataInfoEXT *);
 void cmdBindDescriptorBuffers(DeviceCommandBuffers &, VkCommandBuffer, uint32_t,
                               const VkDescriptorBufferBindingInfoEXT *);

@@ -25,19 +25,20 @@ struct DeviceCommandBuffers {
     ProbeQueue probes{};                   // destroyed first: unfinished probes may use the other members
 };
 
-// A command that binds descriptor sets or descriptor buffers, or sets what they hold.
-template <auto command>
-struct SetCommand;
-template <typename... Arguments, void (VKAPI_PTR *DeviceTable::*command)(VkCommandBuffer, Arguments...)>
-struct SetCommand<command> {
+// A command after which shaders find descriptors in heaps, or in descriptor sets and descriptor buffers.
+template <auto command, bool heaps>
+struct DescriptorCommand;
+template <typename... Arguments, void (VKAPI_PTR *DeviceTable::*command)(VkCommandBuffer, Arguments...), bool heaps>
+struct DescriptorCommand<command, heaps> {
     static void call(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, Arguments... arguments)
     {
-        if (CommandState *const state = device.states.get(commandBuffer))
-            state->setHeaps(false);
+        device.states.setHeaps(commandBuffer, heaps);
         (device.driver.next.*command)(commandBuffer, arguments...);
     }
 };
 template <auto command>
-inline constexpr auto leaveHeaps = &SetCommand<command>::call;
+inline constexpr auto enterHeaps = &DescriptorCommand<command, true>::call;
+template <auto command>
+inline constexpr auto leaveHeaps = &DescriptorCommand<command, false>::call;
 
 } // namespace vellum::layer

@@ -101,20 +101,20 @@ bool InjectedWork::rejectedIn(const DeviceCommandBuffers &device, VkCommandBuffe
 
 VkPipeline InjectedWork::pipelineOf(InjectedShader shader)
 {
-    const VkPipeline pipeline = device_.injected.get(shader, state_ && state_->heaps);
+    const VkPipeline pipeline = device_.injected.get(shader, usesHeaps());
     if (!pipeline)
         device_.driver.report().error("VELLUM-injected-pipeline",
                                       "the driver could not create the pipeline of a shader of the layer");
     return pipeline;
 }
 
-bool InjectedWork::bind(InjectedShader shader, const void *push, uint32_t pushBytes)
+bool InjectedWork::bind(InjectedShader shader, const void *values, uint32_t bytes)
 {
     const VkPipeline pipeline = pipelineOf(shader);
     if (!pipeline)
         return false;
     const DeviceTable &next = device_.driver.next;
-    if (!disturbed_ && state_ && !state_->heaps && device_.driver.keepsOldPushConstants)
+    if (!disturbed_ && state_ && !usesHeaps() && device_.driver.keepsOldPushConstants)
         pushed_ = pushedConstants(); // here, since the destructor must not allocate
     if (!disturbed_ && state_ && state_->conditionalRendering) {
         // Conditional rendering affects the application's draws and dispatches, but no builds.
@@ -124,18 +124,20 @@ bool InjectedWork::bind(InjectedShader shader, const void *push, uint32_t pushBy
     if (state_ && shader != InjectedShader::HitRecords)
         state_->hitTables.forget(); // builds may let indices of records reach further
     next.CmdBindPipeline(commandBuffer_, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
-    if (state_ && state_->heaps)
-        pushData(0, push, pushBytes);
-    else
-        next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0, pushBytes,
-                              push);
+    push(device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0, values, bytes);
     return true;
 }
 
-void InjectedWork::pushData(uint32_t offset, const void *data, size_t bytes)
+void InjectedWork::push(VkPipelineLayout layout, VkShaderStageFlags stages, uint32_t offset, const void *data,
+                        size_t bytes)
 {
-    const VkPushDataInfoEXT info{VK_STRUCTURE_TYPE_PUSH_DATA_INFO_EXT, nullptr, offset, {data, bytes}};
-    device_.driver.next.CmdPushDataEXT(commandBuffer_, &info);
+    if (usesHeaps()) {
+        const VkPushDataInfoEXT info{VK_STRUCTURE_TYPE_PUSH_DATA_INFO_EXT, nullptr, offset, {data, bytes}};
+        device_.driver.next.CmdPushDataEXT(commandBuffer_, &info);
+    } else {
+        device_.driver.next.CmdPushConstants(commandBuffer_, layout, stages, offset, static_cast<uint32_t>(bytes),
+                                             data);
+    }
 }
 
 VkDispatchIndirectCommand InjectedWork::groupsOf(uint64_t invocations, uint32_t groupSize)
@@ -146,19 +148,19 @@ VkDispatchIndirectCommand InjectedWork::groupsOf(uint64_t invocations, uint32_t 
     return {static_cast<uint32_t>(rows > 1 ? kMaxGroups : groups), static_cast<uint32_t>(rows), 1};
 }
 
-bool InjectedWork::run(InjectedShader shader, const void *push, uint32_t pushBytes,
+bool InjectedWork::run(InjectedShader shader, const void *values, uint32_t bytes,
                        const VkDispatchIndirectCommand &groups)
 {
-    if (!bind(shader, push, pushBytes))
+    if (!bind(shader, values, bytes))
         return false;
     device_.driver.next.CmdDispatch(commandBuffer_, groups.x, groups.y, groups.z);
     return true;
 }
 
-bool InjectedWork::runIndirect(InjectedShader shader, const void *push, uint32_t pushBytes, VkBuffer buffer,
+bool InjectedWork::runIndirect(InjectedShader shader, const void *values, uint32_t bytes, VkBuffer buffer,
                                VkDeviceSize offset)
 {
-    if (!bind(shader, push, pushBytes))
+    if (!bind(shader, values, bytes))
         return false;
     device_.driver.next.CmdDispatchIndirect(commandBuffer_, buffer, offset);
     return true;
@@ -178,10 +180,10 @@ void InjectedWork::barrier(bool forHost)
 std::vector<std::byte> InjectedWork::pushedConstants() const
 {
     std::vector<std::byte> bytes(device_.injected.pushBytes());
-    for (const CommandState::PushedConstants &push : state_->pushes) {
-        if (push.offset < bytes.size())
-            std::copy_n(push.bytes.begin(), std::min(push.bytes.size(), bytes.size() - push.offset),
-                        bytes.data() + push.offset);
+    for (const CommandState::PushedConstants &earlier : state_->pushes) {
+        if (earlier.offset < bytes.size())
+            std::copy_n(earlier.bytes.begin(), std::min(earlier.bytes.size(), bytes.size() - earlier.offset),
+                        bytes.data() + earlier.offset);
     }
     return bytes;
 }
@@ -192,8 +194,7 @@ InjectedWork::~InjectedWork()
         return;
     const DeviceTable &next = device_.driver.next;
     if (!pushed_.empty()) { // the driver keeps those of the last dispatch, even if it is empty
-        next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0,
-                              static_cast<uint32_t>(pushed_.size()), pushed_.data());
+        push(device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0, pushed_.data(), pushed_.size());
         next.CmdDispatch(commandBuffer_, 0, 1, 1);
     }
     if (state_->computePipeline) {
@@ -202,13 +203,8 @@ InjectedWork::~InjectedWork()
         const VkShaderStageFlagBits stage = VK_SHADER_STAGE_COMPUTE_BIT;
         next.CmdBindShadersEXT(commandBuffer_, 1, &stage, &*state_->computeShader);
     }
-    for (const CommandState::PushedConstants &push : state_->pushes) {
-        if (state_->heaps)
-            pushData(push.offset, push.bytes.data(), push.bytes.size());
-        else
-            next.CmdPushConstants(commandBuffer_, push.layout, push.stages, push.offset,
-                                  static_cast<uint32_t>(push.bytes.size()), push.bytes.data());
-    }
+    for (const CommandState::PushedConstants &earlier : state_->pushes)
+        push(earlier.layout, earlier.stages, earlier.offset, earlier.bytes.data(), earlier.bytes.size());
     if (state_->conditionalRendering)
         next.CmdBeginConditionalRenderingEXT(commandBuffer_, &*state_->conditionalRendering);
 }

@@ -67,23 +67,23 @@ public:
     bool prepare(InjectedShader shader) { return pipelineOf(shader) != VK_NULL_HANDLE; }
     // Runs at least `invocations` invocations of a shader. Returns false and reports an error if it has no pipeline.
     template <typename Push>
-    bool dispatch(InjectedShader shader, const Push &push, uint64_t invocations, uint32_t groupSize)
+    bool dispatch(InjectedShader shader, const Push &values, uint64_t invocations, uint32_t groupSize)
     {
         static_assert(sizeof(Push) <= kPushBytes);
-        return run(shader, &push, sizeof(Push), groupsOf(invocations, groupSize));
+        return run(shader, &values, sizeof(Push), groupsOf(invocations, groupSize));
     }
     template <typename Push>
-    bool dispatch(InjectedShader shader, const Push &push, const VkDispatchIndirectCommand &groups)
+    bool dispatch(InjectedShader shader, const Push &values, const VkDispatchIndirectCommand &groups)
     {
         static_assert(sizeof(Push) <= kPushBytes);
-        return run(shader, &push, sizeof(Push), groups);
+        return run(shader, &values, sizeof(Push), groups);
     }
     // As above, with the number of groups in a VkDispatchIndirectCommand.
     template <typename Push>
-    bool dispatchIndirect(InjectedShader shader, const Push &push, VkBuffer buffer, VkDeviceSize offset)
+    bool dispatchIndirect(InjectedShader shader, const Push &values, VkBuffer buffer, VkDeviceSize offset)
     {
         static_assert(sizeof(Push) <= kPushBytes);
-        return runIndirect(shader, &push, sizeof(Push), buffer, offset);
+        return runIndirect(shader, &values, sizeof(Push), buffer, offset);
     }
     // The groups of a dispatch with this number of invocations.
     static VkDispatchIndirectCommand groupsOf(uint64_t invocations, uint32_t groupSize);
@@ -91,14 +91,16 @@ public:
     void barrier(bool forHost = false);
 
 private:
-    bool run(InjectedShader shader, const void *push, uint32_t pushBytes, const VkDispatchIndirectCommand &groups);
-    bool runIndirect(InjectedShader shader, const void *push, uint32_t pushBytes, VkBuffer buffer, VkDeviceSize offset);
+    bool run(InjectedShader shader, const void *values, uint32_t bytes, const VkDispatchIndirectCommand &groups);
+    bool runIndirect(InjectedShader shader, const void *values, uint32_t bytes, VkBuffer buffer, VkDeviceSize offset);
     // The application's push constants; zero where it has pushed none.
     [[nodiscard]] std::vector<std::byte> pushedConstants() const;
     [[nodiscard]] VkPipeline pipelineOf(InjectedShader shader);
     // Binds the pipeline of a shader and its push constants.
-    bool bind(InjectedShader shader, const void *push, uint32_t pushBytes);
-    void pushData(uint32_t offset, const void *data, size_t bytes);
+    bool bind(InjectedShader shader, const void *values, uint32_t bytes);
+    // Push data where the command buffer uses heaps, which has no layout or stages; else push constants.
+    void push(VkPipelineLayout layout, VkShaderStageFlags stages, uint32_t offset, const void *data, size_t bytes);
+    [[nodiscard]] bool usesHeaps() const { return state_ && state_->heaps; }
 
     DeviceCommandBuffers &device_;
     VkCommandBuffer commandBuffer_;

@@ -61,6 +61,7 @@ struct Batch {
     const char *invalidId; // Submission::invalidId
     sync::BatchSemaphores semaphores;
     std::vector<std::shared_ptr<const CommandLog::Steps>> commandBuffers{};
+    std::span<const VkSparseBufferMemoryBindInfo> binds{};
 
     // Nothing is known of a command buffer that the application did not allocate.
     void add(const DeviceValidation &device, VkCommandBuffer commandBuffer)
@@ -93,7 +94,16 @@ Batch batchOf(const DeviceValidation &device, const VkSubmitInfo2 &info)
 
 Batch batchOf(const DeviceValidation &device, const VkBindSparseInfo &info) // it has no command buffers
 {
-    return {nullptr, sync::semaphoresOf(device.sync, info)};
+    return {nullptr, sync::semaphoresOf(device.sync, info), {}, {info.pBufferBinds, info.bufferBindCount}};
+}
+
+void bind(const DeviceValidation &device, const VkSparseBufferMemoryBindInfo &info)
+{
+    const auto buffer = device.objects.buffers.get(info.buffer);
+    for (uint32_t i = 0; buffer && i < info.bindCount; ++i) {
+        const VkSparseMemoryBind &part = info.pBinds[i];
+        buffer->bound.set(part.resourceOffset, part.resourceOffset + part.size, part.memory != VK_NULL_HANDLE);
+    }
 }
 
 // Returns whether all that the batches of a queue wait for was submitted before. `uses`: what a further one waits for.
@@ -115,7 +125,11 @@ void executeBatch(DeviceValidation &device, VkQueue queue, const Batch &batch, b
     const uint64_t number = sync::beginBatch(device.sync, queue, waits, ordered);
     const Submission submission{queue, device.objects.queueFamilies.get(queue), batch.invalidId, number,
                                 ordered && waited};
-    const bool known = remember(device.objects, [&] { batch.run(submission, &CommandLog::Steps::effects); });
+    const bool known = remember(device.objects, [&] {
+        batch.run(submission, &CommandLog::Steps::effects);
+        for (const VkSparseBufferMemoryBindInfo &info : batch.binds)
+            bind(device, info);
+    });
     sync::endBatch(device.sync, queue, signals, ordered && known);
     // What waits for a batch that is executed later is executed later, too.
     for (const sync::SemaphoreUse &use : signals)
@@ -151,15 +165,6 @@ VkResult submit(DeviceValidation &device, VkQueue queue, std::span<const Info> i
     return result;
 }
 
-void bind(const DeviceValidation &device, const VkSparseBufferMemoryBindInfo &info)
-{
-    const auto buffer = device.objects.buffers.get(info.buffer);
-    for (uint32_t i = 0; buffer && i < info.bindCount; ++i) {
-        const VkSparseMemoryBind &part = info.pBinds[i];
-        buffer->bound.set(part.resourceOffset, part.resourceOffset + part.size, part.memory != VK_NULL_HANDLE);
-    }
-}
-
 void allIdle(DeviceValidation &device)
 {
     device.logs.settle();
@@ -188,16 +193,8 @@ VkResult queueSubmit2(DeviceValidation &device, VkQueue queue, uint32_t count, c
 VkResult queueBindSparse(DeviceValidation &device, VkQueue queue, uint32_t count, const VkBindSparseInfo *infos,
                          VkFence fence)
 {
-    const std::span batches(infos, count);
-    const VkResult result =
-        submit(device, queue, batches, fence, [&] { return device.next.QueueBindSparse(queue, count, infos, fence); });
-    if (result == VK_SUCCESS)
-        remember(device.objects, [&] {
-            for (const VkBindSparseInfo &batch : batches)
-                for (const VkSparseBufferMemoryBindInfo &info : std::span(batch.pBufferBinds, batch.bufferBindCount))
-                    bind(device, info);
-        });
-    return result;
+    return submit(device, queue, std::span(infos, count), fence,
+                  [&] { return device.next.QueueBindSparse(queue, count, infos, fence); });
 }
 
 VkResult queueWaitIdle(DeviceValidation &device, VkQueue queue)

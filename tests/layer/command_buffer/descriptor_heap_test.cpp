@@ -2,6 +2,7 @@
 // VK_EXT_descriptor_heap: heaps and push data survive work that the layer adds between binding and use, and so does
 // what descriptor sets need on a device with heaps.
 #include "command_buffer/compute_pipeline.h"
+#include "command_buffer/inherited_state.h"
 #include "command_buffer/state_scene.h"
 #include "gpu/pipeline_builder.h"
 
@@ -229,14 +230,8 @@ TEST_F(DescriptorHeaps, Inherited)
 {
     const ComputePipeline pipeline = heapPipeline();
     const VkBindHeapInfoEXT bound = heap();
-    auto heaps = vkInit<VkCommandBufferInheritanceDescriptorHeapInfoEXT>({.pResourceHeapBindInfo = &bound});
-    auto inheritance = vkInit<VkCommandBufferInheritanceInfo>({.pNext = &heaps});
-    auto allocation = vkInit<VkCommandBufferAllocateInfo>(
-        {.commandPool = gpu().pool(), .level = VK_COMMAND_BUFFER_LEVEL_SECONDARY, .commandBufferCount = 1});
-    VkCommandBuffer secondary = VK_NULL_HANDLE;
-    VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &allocation, &secondary));
-    const auto begin = vkInit<VkCommandBufferBeginInfo>({.pInheritanceInfo = &inheritance});
-    VT_CHECK(vkBeginCommandBuffer(secondary, &begin));
+    const auto heaps = vkInit<VkCommandBufferInheritanceDescriptorHeapInfoEXT>({.pResourceHeapBindInfo = &bound});
+    VkCommandBuffer secondary = beginInheriting(gpu(), &heaps);
     scene_->record(secondary);
     VT_CHECK(vkEndCommandBuffer(secondary));
     gpu().submit([&](VkCommandBuffer commands) {

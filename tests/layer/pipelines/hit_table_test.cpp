@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <array>
 
-#include "command_buffer/inherited_condition.h"
+#include "command_buffer/inherited_state.h"
 #include "pipelines/pipeline_scene.h"
 
 #include "shaders/pipeline_constant_209.h"

@@ -3,7 +3,7 @@
 // format.
 #include <thread>
 
-#include "command_buffer/inherited_condition.h"
+#include "command_buffer/inherited_state.h"
 #include "gpu/copies.h"
 #include "harness/harness.h"
 #include "harness/mock_driver.h"

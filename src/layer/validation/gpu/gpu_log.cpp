@@ -156,7 +156,7 @@ BrokenRule instanceRule(GpuChecks &gpu, const Finding &f)
 std::string placeOf(const Finding &f)
 {
     std::string place = nameOf(commandOf(f));
-    place += ": pInfos[" + number(f.site & 0xffffff) + "]";
+    place += ": pInfos[" + number(f.site & kSiteInfoMask) + "]";
     if (f.geometry != kNoGeometry)
         place += ".pGeometries[" + number(f.geometry) + "]";
     return place;

@@ -25,7 +25,7 @@ struct Finding {
 };
 constexpr uint32_t siteOf(input::BuildCommand command, uint32_t info)
 {
-    return static_cast<uint32_t>(command) << shared::kSiteCommandShift | (info & 0xffffff);
+    return static_cast<uint32_t>(command) << shared::kSiteCommandShift | (info & shared::kSiteInfoMask);
 }
 void reportFinding(GpuChecks &gpu, const Finding &finding);
 
