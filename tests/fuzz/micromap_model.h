@@ -24,7 +24,6 @@ struct BuildModel {
     std::span<const uint8_t> data;
     uint32_t capacityUnits = 0;
     uint32_t maxLevel = 12;
-    bool share = false;
 };
 
 struct Expected {
