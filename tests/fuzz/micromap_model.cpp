@@ -87,29 +87,23 @@ uint32_t sourceState(const BuildModel &model, uint32_t triangle, uint32_t index)
 
 // Data stays where it lies if that is possible for all of it. Else each triangle's follows the one before, and what
 // does not fit is unknown.
-std::vector<Expected> expectedOf(const BuildModel &model)
+std::vector<bool> unknownOf(const BuildModel &model)
 {
-    std::vector<Expected> expected(model.triangles.size());
+    std::vector<bool> unknown(model.triangles.size());
     bool stays = true;
-    for (uint32_t i = 0; i < expected.size(); ++i) {
-        expected[i].invalid = !isValid(model, i);
+    for (uint32_t i = 0; i < unknown.size(); ++i) {
+        unknown[i] = !isValid(model, i);
         const SourceTriangle &t = model.triangles[i];
-        if (!expected[i].invalid && dataUnits(t) > 0)
+        if (!unknown[i] && dataUnits(t) > 0)
             stays &= t.dataOffset + dataBytes(t) <= uint64_t{model.capacityUnits} * 16;
     }
     uint64_t next = 0;
-    for (uint32_t i = 0; i < expected.size() && !stays; ++i) {
-        const SourceTriangle &t = model.triangles[i];
-        const uint64_t units = !expected[i].invalid ? dataUnits(t) : 0;
-        if (units == 0)
-            continue;
-        if (next + units > model.capacityUnits)
-            expected[i].invalid = true;
+    for (uint32_t i = 0; i < unknown.size() && !stays; ++i) {
+        const uint64_t units = unknown[i] ? 0 : dataUnits(model.triangles[i]);
+        unknown[i] = unknown[i] || (units > 0 && next + units > model.capacityUnits);
         next += units;
     }
-    for (Expected &e : expected)
-        e.unknown |= e.invalid;
-    return expected;
+    return unknown;
 }
 
 uint32_t builtState(std::span<const uint8_t> micromap, uint32_t triangle, uint32_t level, uint32_t index)
@@ -142,14 +136,14 @@ uint32_t builtState(std::span<const uint8_t> micromap, uint32_t triangle, uint32
 
 void checkBuilt(const BuildModel &model, std::span<const uint8_t> micromap)
 {
-    const std::vector<Expected> expected = expectedOf(model);
-    FUZZ_CHECK(wordAt(micromap, kMicromapHeaderTriangles * 4) == expected.size());
+    const std::vector<bool> unknown = unknownOf(model);
+    FUZZ_CHECK(wordAt(micromap, kMicromapHeaderTriangles * 4) == unknown.size());
     FUZZ_CHECK(wordAt(micromap, kMicromapHeaderUnits * 4) <= model.capacityUnits);
     Micromap library;
     library.data.assign(model.data.begin(), model.data.end());
-    for (uint32_t i = 0; i < expected.size(); ++i) {
+    for (uint32_t i = 0; i < unknown.size(); ++i) {
         const SourceTriangle &t = model.triangles[i];
-        if (expected[i].unknown) {
+        if (unknown[i]) {
             for (uint32_t k = 0; k < 16; ++k)
                 FUZZ_CHECK(builtState(micromap, i, 2, k) == kStateUnknownOpaque);
             continue;
