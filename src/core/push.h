@@ -26,11 +26,11 @@ struct MicromapPush {
     VELLUM_ADDRESS data;
     VELLUM_ADDRESS scratch;
     uint triangleArrayStride;
-    uint triangleCount; // records in the destination
-    uint readable;      // elements of triangleArray inside its buffer
-    uint dataBytes;     // bytes of data inside its buffer
-    uint capacityUnits; // data units in the destination
-    uint partCapacity;  // entries of the list of parts
+    uint triangleCount;          // records in the destination
+    uint readable;               // elements of triangleArray inside its buffer
+    uint dataBytes;              // bytes of data inside its buffer
+    uint capacityUnits;          // data units in the destination
+    uint partCapacity;           // entries of the list of parts
     uint flags;                  // kBuild*
     uint alike;                  // level | format << 16, if all triangles have the same; 0: they do not
     uint lastOffset;             // the greatest data offset of such triangles in place

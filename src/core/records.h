@@ -83,7 +83,7 @@ VELLUM_CONST uint kPartUnits = 64u;
 // --- flags of a micromap build's push constants: VkBuildMicromapFlagsEXT, and ---
 VELLUM_CONST uint kBuildFlagsMask = 0xffffu;
 VELLUM_CONST uint kBuildAllowsCompaction = 4u; // VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT
-VELLUM_CONST uint kBuildMaxLevelShift = 16u; // 4 bits: the highest level of the usage counts
+VELLUM_CONST uint kBuildMaxLevelShift = 16u;   // 4 bits: the highest level of the usage counts
 VELLUM_CONST uint kBuildAnalysing = 0x80000000u;
 
 // --- passes of micromap_pack.comp ---

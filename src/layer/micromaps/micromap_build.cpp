@@ -362,7 +362,7 @@ void recordMicromapBuilds(DeviceMicromaps &device, VkCommandBuffer commandBuffer
     Build recording(device, commandBuffer);
     for (const MicromapBuild &build : builds) {
         recording.add(build);
-        recordMicromapBound(device, build.target, build.extent.bytes());
+        recordMicromapBound(device, build.target, {build.extent.triangles, build.extent.bytes()});
     }
     recording.record();
 }

@@ -31,13 +31,13 @@ VkDeviceSize scratchBytes(const MicromapCompactPush &push)
 
 MicromapCompactPush pushOf(DeviceMicromaps &device, const Micromap &source)
 {
-    const VkDeviceSize bound = micromapBound(device, source) - kMicromapHeaderWords * 4;
+    const MicromapBound bound = micromapBound(device, source);
     MicromapCompactPush push{};
     push.source = micromapAddress(device.driver, source);
     push.sourceUnits = static_cast<uint32_t>(std::min<VkDeviceSize>(source.size / kDataUnitBytes, UINT32_MAX));
-    push.most = static_cast<uint32_t>(std::min<VkDeviceSize>(bound / (kTriangleRecordWords * 4), kMostSharing));
+    push.most = static_cast<uint32_t>(std::min<uint64_t>(bound.triangles, kMostSharing));
     push.partCapacity = static_cast<uint32_t>(
-        std::min<VkDeviceSize>(bound / (VkDeviceSize{kPartUnits} * kDataUnitBytes), kMostSharing));
+        std::min<VkDeviceSize>(bound.bytes / (VkDeviceSize{kPartUnits} * kDataUnitBytes), kMostSharing));
     push.root = device.objects.root.address();
     // Enough to keep a GPU busy, or four workgroups for each thread of a CPU.
     const uint32_t most = device.driver.threads == 0 ? 1u << 16 : 4u * 64u * std::min(device.driver.threads, 64u);
@@ -84,32 +84,41 @@ bool recordPasses(InjectedWork &work, std::span<MicromapCompactPush> pushes, uin
 
 } // namespace
 
-void MicromapBounds::record(VkDeviceAddress address, VkDeviceSize bytes)
+MicromapBound boundOf(VkDeviceSize bytes)
+{
+    return {bytes / (kTriangleRecordWords * 4), bytes};
+}
+
+void MicromapBounds::record(VkDeviceAddress address, const MicromapBound &bound)
 {
     std::lock_guard lock(mutex_);
     if (bounds_.size() >= kMostBounds)
         bounds_.clear();
-    VkDeviceSize &bound = bounds_[address];
-    bound = std::max(bound, bytes);
+    MicromapBound &known = bounds_[address];
+    known = {std::max(known.triangles, bound.triangles), std::max(known.bytes, bound.bytes)};
 }
 
-VkDeviceSize MicromapBounds::get(VkDeviceAddress address, VkDeviceSize size)
+MicromapBound MicromapBounds::get(VkDeviceAddress address, VkDeviceSize size)
 {
+    const MicromapBound least = boundOf(kLargeHandle), most = boundOf(size);
     std::lock_guard lock(mutex_);
     const auto found = bounds_.find(address);
-    return found == bounds_.end() ? size : std::clamp(found->second, kLargeHandle, size);
+    if (found == bounds_.end())
+        return most;
+    return {std::clamp(found->second.triangles, least.triangles, most.triangles),
+            std::clamp(found->second.bytes, least.bytes, most.bytes)};
 }
 
-void recordMicromapBound(DeviceMicromaps &device, const Micromap &micromap, VkDeviceSize bytes)
+void recordMicromapBound(DeviceMicromaps &device, const Micromap &micromap, const MicromapBound &bound)
 {
     if (micromap.size > kLargeHandle)
-        device.bounds.record(micromapAddress(device.driver, micromap), bytes);
+        device.bounds.record(micromapAddress(device.driver, micromap), bound);
 }
 
-VkDeviceSize micromapBound(DeviceMicromaps &device, const Micromap &micromap)
+MicromapBound micromapBound(DeviceMicromaps &device, const Micromap &micromap)
 {
     return micromap.size > kLargeHandle ? device.bounds.get(micromapAddress(device.driver, micromap), micromap.size)
-                                        : micromap.size;
+                                        : boundOf(micromap.size);
 }
 
 void recordCompactedSizes(DeviceMicromaps &device, VkCommandBuffer commandBuffer, InjectedWork &work,

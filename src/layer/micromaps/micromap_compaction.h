@@ -18,24 +18,31 @@ namespace vellum::layer
 struct DeviceMicromaps;
 class InjectedWork;
 
-// Bounds of the micromaps in large handles, by their addresses. A handle may reach to the end of a buffer of hundreds of
-// megabytes, and the scratch memory of a compaction must have tables for all triangles that the micromap may have. A
+// The most that a micromap may have.
+struct MicromapBound {
+    uint64_t triangles = 0;
+    VkDeviceSize bytes = 0;
+};
+// That of any micromap with so many bytes.
+MicromapBound boundOf(VkDeviceSize bytes);
+
+// Bounds of the micromaps in large handles, by their addresses. A handle may reach to the end of a buffer of hundreds
+// of megabytes, and the scratch memory of a compaction must have tables for all triangles that the micromap may have. A
 // bound is that of all micromaps that were recorded there. Without one, the size of the handle is the bound.
 class MicromapBounds
 {
 public:
-    void record(VkDeviceAddress address, VkDeviceSize bytes);
-    [[nodiscard]] VkDeviceSize get(VkDeviceAddress address, VkDeviceSize size);
+    void record(VkDeviceAddress address, const MicromapBound &bound);
+    [[nodiscard]] MicromapBound get(VkDeviceAddress address, VkDeviceSize size);
 
 private:
     std::mutex mutex_;
-    std::unordered_map<VkDeviceAddress, VkDeviceSize> bounds_;
+    std::unordered_map<VkDeviceAddress, MicromapBound> bounds_;
 };
 
-// A micromap of at most so many bytes was recorded into, or written by the host to, a micromap's memory.
-void recordMicromapBound(DeviceMicromaps &device, const Micromap &micromap, VkDeviceSize bytes);
-// The most bytes that the micromap may have.
-VkDeviceSize micromapBound(DeviceMicromaps &device, const Micromap &micromap);
+// A micromap of at most that extent was recorded into, or written by the host to, a micromap's memory.
+void recordMicromapBound(DeviceMicromaps &device, const Micromap &micromap, const MicromapBound &bound);
+MicromapBound micromapBound(DeviceMicromaps &device, const Micromap &micromap);
 
 // A query of the compacted size.
 struct CompactedSize {
@@ -45,8 +52,8 @@ struct CompactedSize {
 };
 void recordCompactedSizes(DeviceMicromaps &device, VkCommandBuffer commandBuffer, InjectedWork &work,
                           std::span<const CompactedSize> sizes);
-// Records a compacting copy. A copy by micromap_move.comp must follow, with the address that is returned: micromaps that
-// would not become smaller are copied as they are. 0: there is no memory.
+// Records a compacting copy. A copy by micromap_move.comp must follow, with the address that is returned: micromaps
+// that would not become smaller are copied as they are. 0: there is no memory.
 VkDeviceAddress recordCompaction(DeviceMicromaps &device, VkCommandBuffer commandBuffer, InjectedWork &work,
                                  const Micromap &source, const Micromap &target);
 

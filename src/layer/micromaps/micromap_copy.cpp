@@ -82,7 +82,7 @@ void recordMicromapCopy(DeviceMicromaps &device, VkCommandBuffer commandBuffer, 
             return;
         }
     }
-    recordMicromapBound(device, target, std::min(micromapBound(device, source), target.size));
+    recordMicromapBound(device, target, micromapBound(device, source));
     move(work, device.driver, push);
 }
 
@@ -110,7 +110,7 @@ void recordMicromapRestore(DeviceMicromaps &device, VkCommandBuffer commandBuffe
         movePush(device, target, kMoveDeserialize | (invalid == InvalidData::KeepsTarget ? kMoveOnlyMicromaps : 0));
     push.serialized = source;
     push.serializedBytes = device.buffers.addresses.bytesFrom(source);
-    recordMicromapBound(device, target, std::min(target.size, push.serializedBytes));
+    recordMicromapBound(device, target, boundOf(push.serializedBytes));
     InjectedWork work(device.commands, commandBuffer);
     move(work, device.driver, push);
 }

@@ -2,8 +2,8 @@
 // Copies of micromaps on the device, queries of their properties, and the commands of VK_EXT_opacity_micromap for them;
 // those of VK_KHR_opacity_micromap are in structures/structure_commands.h.
 //
-// A micromap is self-contained, and nothing in it depends on its location, so a clone copies bytes. Only the device knows
-// how many are in use: a handle may be larger than what was built there, and other data may follow it.
+// A micromap is self-contained, and nothing in it depends on its location, so a clone copies bytes. Only the device
+// knows how many are in use: a handle may be larger than what was built there, and other data may follow it.
 #pragma once
 
 #include <cstdint>

@@ -147,7 +147,8 @@ VkResult buildMicromaps(DeviceMicromaps &device, VkDevice, VkDeferredOperationKH
         }
         const MicromapBuild build = micromapBuildOf(given);
         const View view(device, infos[given.element].dstMicromap, build.extent.bytes(), HostView::For::Writing);
-        recordMicromapBound(device, *micromapOf(infos[given.element].dstMicromap), build.extent.bytes());
+        recordMicromapBound(device, *micromapOf(infos[given.element].dstMicromap),
+                            {build.extent.triangles, build.extent.bytes()});
         if (view.bytes())
             write(build, view.bytes());
         else
@@ -176,10 +177,10 @@ VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR 
         target.invalidate();
         reportCopy(device, needed == 0 ? kNotBuilt : kTooLarge, info->dst);
     } else if (compact) {
-        recordMicromapBound(device, *micromapOf(info->dst), needed);
+        recordMicromapBound(device, *micromapOf(info->dst), boundOf(needed));
         compactMicromapMemory(source.bytes(), target.bytes());
     } else {
-        recordMicromapBound(device, *micromapOf(info->dst), needed);
+        recordMicromapBound(device, *micromapOf(info->dst), boundOf(needed));
         std::memcpy(target.bytes(), source.bytes(), used);
     }
     return done(operation);
@@ -230,7 +231,7 @@ VkResult copyMemoryToMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOpera
             reportCopy(device, known ? kTooLarge : kNotSerialized, info->dst);
         return done(operation);
     }
-    recordMicromapBound(device, *micromapOf(info->dst), header.micromapBytes);
+    recordMicromapBound(device, *micromapOf(info->dst), boundOf(header.micromapBytes));
     std::memcpy(target.bytes(), in + sizeof header, header.micromapBytes);
     distrustMicromapRecords(target.bytes());
     return done(operation);
@@ -252,10 +253,10 @@ VkResult writeMicromapsProperties(DeviceMicromaps &device, VkDevice, uint32_t co
     if (!query.accepted)
         return rejected(device);
     for (uint32_t i = 0; i < count; ++i) {
-        VkDeviceSize value = std::max(type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT
-                                          ? compactedBytes(device, micromaps[i])
-                                          : usedBytes(device, micromaps[i]),
-                                      kHeaderBytes);
+        VkDeviceSize value =
+            std::max(type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ? compactedBytes(device, micromaps[i])
+                                                                       : usedBytes(device, micromaps[i]),
+                     kHeaderBytes);
         if (type == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT)
             value += sizeof(SerializedMicromapHeader);
         std::memcpy(static_cast<uint8_t *>(data) + i * stride, &value, sizeof value);

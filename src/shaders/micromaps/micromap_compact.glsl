@@ -114,8 +114,8 @@ uint unitBytes(Data d)
 bool listParts(uint triangles, uint triangle, uint units)
 {
     Words counter = Words(push.scratch);
-    if (units <= kPartUnits || counter.w[kCompactionParts] >= push.partCapacity)
-        return false;
+    if (units <= kPartUnits || atomicAdd(counter.w[kCompactionParts], 0u) >= push.partCapacity)
+        return false; // a full list is not added to, so that the number does not overflow
     const uint parts = units / kPartUnits;
     const uint first = atomicAdd(counter.w[kCompactionParts], parts);
     const bool fits = first <= push.partCapacity && parts <= push.partCapacity - first;

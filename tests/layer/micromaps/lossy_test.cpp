@@ -57,7 +57,8 @@ std::vector<uint8_t> memoryOf(const MicromapInput &input, VkBuildMicromapFlagsEX
         if (t.subdivisionLevel > 2)
             build.capacityUnits +=
                 (vellum::packedBytes(t.subdivisionLevel, static_cast<vellum::Format>(t.format)) + 15) / 16;
-    std::vector<uint8_t> memory(vellum::micromapMemoryBytes(build.triangleCount, build.capacityUnits)); // zeros between data
+    std::vector<uint8_t> memory(
+        vellum::micromapMemoryBytes(build.triangleCount, build.capacityUnits)); // zeros between data
     vellum::writeMicromapMemory(build, memory.data());
     memory.resize(vellum::micromapMemoryInUse(memory.data()));
     return memory;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Micromap builds and compacting copies, bit for bit: the device's result is compared with the host's
-// writeMicromapMemory and compactMicromapMemory, for every level and format, all build flags, shared and unaligned data,
-// and input that breaks every rule.
+// writeMicromapMemory and compactMicromapMemory, for every level and format, all build flags, shared and unaligned
+// data, and input that breaks every rule.
 #include <algorithm>
 
 #include "core/micromap_memory.h"
