@@ -68,8 +68,12 @@ Words wordsOf(uint triangles, uint triangle)
     return Words(elementAddress(trianglesAddress(triangles), triangle, kTriangleWords * 4u));
 }
 
+uvec2 recordOf(uint triangle)
+{
+    return pairAt(addressPlus(push.source, kMicromapHeaderWords * 4u), triangle);
+}
+
 struct Data {
-    uvec2 record;
     uint units; // 0: there is no data, and the others are undefined
     uint kind;
     uint level;
@@ -78,27 +82,25 @@ struct Data {
     uvec2 address;
 };
 
-Data dataOf(uint triangles, uint triangle)
+Data dataOf(uint triangles, uvec2 record)
 {
     Data d;
-    d.record = trustedRecord(pairAt(addressPlus(push.source, kMicromapHeaderWords * 4u), triangle),
-                             Words(push.source).w[kMicromapHeaderUnits]);
     d.units = 0u;
     d.kind = 0u;
     d.level = kCoarseLevel + 1u;
     d.bitsPerState = 1u;
     d.location = 0u;
     d.address = push.source;
-    const uint kind = d.record.x & kKindMask;
+    const uint kind = record.x & kKindMask;
     if (kind == kKindInline)
         return d;
     const bool far = kind == kKindFar;
-    d.kind = far ? d.record.x >> kUnitShift & kKindMask : kind - kKindData;
+    d.kind = far ? record.x >> kUnitShift & kKindMask : kind - kKindData;
     d.level = kCoarseLevel + 1u + (d.kind >> 1u);
     d.bitsPerState = 1u + (d.kind & 1u);
     d.units = max((d.bitsPerState << (2u * d.level)) >> 7u, 1u);
-    const uint unit = far ? d.record.y : d.record.x >> kUnitShift;
-    const uint byte = far ? d.record.x >> kFarByteShift & kFarByteMask : 0u;
+    const uint unit = far ? record.y : record.x >> kUnitShift;
+    const uint byte = far ? record.x >> kFarByteShift & kFarByteMask : 0u;
     d.location = unit * kDataUnitBytes + byte;
     d.address = addressPlus(elementAddress(micromapUnits(push.source, triangles), unit, kDataUnitBytes), byte);
     return d;

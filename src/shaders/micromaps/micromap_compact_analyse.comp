@@ -98,7 +98,9 @@ void main()
         const Item item = itemAt(triangles, i);
         if (item.triangle == kNoTriangle)
             continue;
-        const Data d = dataOf(triangles, item.triangle);
+        // The other passes look at the data of these only, and need not check again where it is.
+        const uvec2 record = trustedRecord(recordOf(item.triangle), Words(push.source).w[kMicromapHeaderUnits]);
+        const Data d = dataOf(triangles, record);
         const bool part = ofParts();
         const bool listed = !part && listParts(triangles, item.triangle, d.units);
         const Walk walk = walkUnits(d, item.first, part ? item.first + kPartUnits : listed ? 0u : d.units);
@@ -110,7 +112,7 @@ void main()
         }
         const uint location = d.units > kMaxComparedUnits ? mixBits(d.location) : 0u;
         words.w[0] = walk.hash + mixBits(d.kind) + location;
-        words.w[1] = walk.gathered;
+        words.w[1] = d.units == 0u ? record.y : walk.gathered;
         words.w[2] = d.units == 0u ? kNoData : kNoTriangle;
     }
 }

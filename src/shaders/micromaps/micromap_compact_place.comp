@@ -20,7 +20,7 @@ void count(uint triangles)
             Words words = wordsOf(triangles, t);
             words.w[0] = sum;
             if (words.w[2] == t)
-                sum += dataOf(triangles, t).units;
+                sum += dataOf(triangles, recordOf(t)).units;
         }
         blockSums.w[b] = sum; // at most kPlaceBlock * 2^18
     }

@@ -22,8 +22,8 @@ bool describesAll(uint mask)
 
 bool sameData(uint triangles, uint triangle, uint other)
 {
-    const Data a = dataOf(triangles, triangle);
-    const Data b = dataOf(triangles, other);
+    const Data a = dataOf(triangles, recordOf(triangle));
+    const Data b = dataOf(triangles, recordOf(other));
     if (a.kind != b.kind || a.address == b.address)
         return a.kind == b.kind;
     if (a.units > kMaxComparedUnits)

@@ -13,13 +13,9 @@ uint unitOf(uint triangles, uint triangle)
     return Words(sumsAddress()).w[triangle / kPlaceBlock] + wordsOf(triangles, triangle).w[0];
 }
 
-// The record of a triangle whose data is at a unit, or which needs none. A far record has no mask.
-uvec2 recordAt(Data d, uint owner, uint unit, uint mask)
+// The record of a triangle whose data is at a unit. A far record has no mask.
+uvec2 recordAt(Data d, uint unit, uint mask)
 {
-    if (d.units == 0u)
-        return d.record;
-    if (owner == kNoData)
-        return uvec2(kKindInline, mask);
     return unit <= kMaxNearUnit ? uvec2((kKindData + d.kind) | unit << kUnitShift, mask)
                                 : uvec2(kKindFar | d.kind << kUnitShift, unit);
 }
@@ -35,13 +31,15 @@ void main()
         const Item item = itemAt(triangles, i);
         if (item.triangle == kNoTriangle)
             continue;
-        const Data d = dataOf(triangles, item.triangle);
+        const uvec2 record = recordOf(item.triangle);
+        const Data d = dataOf(triangles, record);
         Words words = wordsOf(triangles, item.triangle);
         const uint owner = words.w[2];
         const uint unit = owner == kNoData ? 0u : unitOf(triangles, owner);
         uint last = item.first + kPartUnits;
         if (!ofParts()) {
-            storePair(records, item.triangle, recordAt(d, owner, unit, words.w[1]));
+            const uvec2 inlined = uvec2((record.x & kKindMask) == kKindInline ? record.x : kKindInline, words.w[1]);
+            storePair(records, item.triangle, owner == kNoData ? inlined : recordAt(d, unit, words.w[1]));
             last = owner != item.triangle || listParts(triangles, item.triangle, d.units) ? 0u : d.units;
         }
         const uint bytes = unitBytes(d);
