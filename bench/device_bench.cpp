@@ -38,12 +38,26 @@ render::RenderScene smallestScene()
 }
 
 // A first build of a micromap: of one triangle, of level 4. `behind`: bytes in the buffer of the data after it.
-void buildMicromap(gpu::Device &device, VkBuildMicromapFlagsEXT flags, size_t behind = 0)
+// `compacted`: a query of the compacted size and a compacting copy follow.
+void buildMicromap(gpu::Device &device, VkBuildMicromapFlagsEXT flags, size_t behind = 0, bool compacted = false)
 {
     gpu::MicromapInput input;
     input.add(4, VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT, std::vector<uint8_t>(256, 1));
     input.data.resize(input.data.size() + behind);
-    gpu::Micromap(device, std::move(input), flags).build();
+    gpu::Micromap micromap(device, std::move(input), flags);
+    micromap.build();
+    if (!compacted)
+        return;
+    const VkQueryType type = micromapQueryType(device, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
+    const gpu::QueryPool pool(device, type);
+    device.submit([&](VkCommandBuffer commands) {
+        vkCmdResetQueryPool(commands, pool, 0, 1);
+        recordMicromapProperties(device, commands, std::span(&micromap.handle(), 1), type, pool, 0);
+    });
+    const gpu::Micromap copy(device, micromap, pool.value());
+    device.submit([&](VkCommandBuffer commands) {
+        recordMicromapCopy(device, commands, micromap.handle(), copy.handle(), VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+    });
 }
 
 struct Step {
@@ -74,6 +88,8 @@ void run(const gpu::DeviceInfo &off, const gpu::DeviceInfo &on, unsigned repetit
          [](gpu::Device &device) { buildMicromap(device, 0, 4096); }, true},
         {"and a first micromap build with ALLOW_COMPACTION",
          [](gpu::Device &device) { buildMicromap(device, VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT); }, true},
+        {"and its compacted size and compacted copy",
+         [](gpu::Device &device) { buildMicromap(device, VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT, 0, true); }, true},
         {"and a first build of a structure",
          [&](gpu::Device &device) { const render::World world(device, scene, {}); }},
     };

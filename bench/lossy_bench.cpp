@@ -17,7 +17,7 @@ namespace
 
 using namespace vellum;
 
-// A micromap's bytes after compaction, as the layer builds it with ALLOW_COMPACTION.
+// A micromap's bytes after compaction.
 uint64_t compactedBytes(const Micromap &micromap)
 {
     if (micromap.triangles.empty())
@@ -28,13 +28,13 @@ uint64_t compactedBytes(const Micromap &micromap)
     input.data = micromap.data.data();
     input.dataBytes = micromap.data.size();
     input.maxLevel = shared::kMaxSubdivisionLevel;
-    input.share = true;
+    input.buildFlags = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
     for (const MicromapTriangle &t : micromap.triangles)
         if (t.subdivisionLevel > shared::kCoarseLevel)
             input.capacityUnits += (packedBytes(t.subdivisionLevel, t.format) + 15) / 16;
     std::vector<uint8_t> memory(micromapMemoryBytes(input.triangleCount, input.capacityUnits));
     writeMicromapMemory(input, memory.data());
-    return micromapMemoryInUse(memory.data());
+    return compactMicromapMemory(memory.data(), nullptr);
 }
 
 // Cuts every triangle of masked geometry into n * n: more distinct triangles, each with less in it.

@@ -27,12 +27,14 @@ using namespace vellum;
 struct Flags {
     const char *name;
     VkBuildMicromapFlagsEXT bits;
+    bool copied = false; // a query of the compacted size and a compacting copy follow
 };
 constexpr Flags kFlags[] = {
     {"none", 0},
     {"fast trace", VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT},
     {"fast build", VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT},
     {"compaction", VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT},
+    {"compaction, copied", VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT, true},
 };
 
 double seconds(const std::function<void()> &work)
@@ -76,10 +78,20 @@ VkDeviceSize bytesOf(const Micromap &input)
 class Build
 {
 public:
-    Build(gpu::Device &device, const Micromap &input, VkBuildMicromapFlagsEXT flags)
-        : device_(device), micromap_(device, inputOf(input), flags), commands_(device.begin(0))
+    Build(gpu::Device &device, const Micromap &input, const Flags &flags)
+        : device_(device), micromap_(device, inputOf(input), flags.bits), commands_(device.begin(0))
     {
         micromap_.record(commands_);
+        if (flags.copied) {
+            sizes_ = gpu::QueryPool(device, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
+            copy_.emplace(device, micromap_, micromap_.size());
+            vkCmdResetQueryPool(commands_, sizes_, 0, 1);
+            barrier();
+            gpu::recordMicromapProperties(device, commands_, std::span(&micromap_.handle(), 1), sizes_.type(), sizes_,
+                                          0);
+            gpu::recordMicromapCopy(device, commands_, micromap_.handle(), copy_->handle(),
+                                    VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+        }
         device.end(commands_);
     }
 
@@ -99,8 +111,18 @@ private:
         return input;
     }
 
+    void barrier() const
+    {
+        const VkMemoryBarrier memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr, VK_ACCESS_MEMORY_WRITE_BIT,
+                                     VK_ACCESS_MEMORY_READ_BIT};
+        vkCmdPipelineBarrier(commands_, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, 1,
+                             &memory, 0, nullptr, 0, nullptr);
+    }
+
     gpu::Device &device_;
     gpu::Micromap micromap_;
+    gpu::QueryPool sizes_;
+    std::optional<gpu::Micromap> copy_;
     VkCommandBuffer commands_;
 };
 
@@ -132,7 +154,7 @@ void measure(gpu::Device &device, uint32_t level, Format format, const Flags &fl
              unsigned repetitions)
 {
     const Micromap input = inputOf(level, format, bytes, unaligned);
-    Build build(device, input, flags.bits);
+    Build build(device, input, flags);
     Copy copy(device, input);
     build.run();
     copy.run();

@@ -4,11 +4,9 @@
 #include <algorithm>
 #include <cstring>
 #include <limits>
-#include <string>
-#include <string_view>
-#include <unordered_map>
 #include <vector>
 
+#include "core/compaction.h"
 #include "core/curve.h"
 #include "core/micromap.h"
 
@@ -32,7 +30,6 @@ struct Triangle {
     uint32_t level = 0;
     uint32_t bits = 1; // per state
     uint32_t mask = 0; // sub-triangles of level 2; their states up to that level
-    uint32_t owner = 0;
 
     [[nodiscard]] Format format() const { return static_cast<Format>(bits); }
     [[nodiscard]] uint32_t bytes() const { return packedBytes(level, format()); }
@@ -84,7 +81,6 @@ uint32_t maskOf(const Triangle &t, const uint8_t *data)
 Triangle readTriangle(const MicromapBuildInput &input, uint32_t i)
 {
     Triangle t;
-    t.owner = i;
     if (i >= input.readable) {
         t.valid = false;
         return t;
@@ -97,31 +93,10 @@ Triangle readTriangle(const MicromapBuildInput &input, uint32_t i)
     t.bits = format;
     t.valid = (format == 1 || format == 2) && t.level <= std::min(kMaxSubdivisionLevel, input.maxLevel) &&
               uint64_t{t.dataOffset} + t.bytes() <= std::min<uint64_t>(input.dataBytes, kUnknown);
-    // Without sharing, data is not read.
-    if (t.valid)
-        t.mask = input.share || t.level <= kCoarseLevel ? maskOf(t, input.data + t.dataOffset) : 0xaaaaaaaau;
+    if (t.valid) // larger data is not read
+        t.mask = t.level <= kCoarseLevel ? maskOf(t, input.data + t.dataOffset) : 0xaaaaaaaau;
     return t;
 }
-
-// The lowest triangle with the same data becomes the owner of it.
-class Owners
-{
-public:
-    explicit Owners(const MicromapBuildInput &input) : input_(input) {}
-    uint32_t of(const Triangle &t, uint32_t self)
-    {
-        const auto *begin = reinterpret_cast<const char *>(input_.data) + t.dataOffset;
-        // Beyond the limit, only the same place counts as the same data (kMaxComparedUnits).
-        if (t.units() > kMaxComparedUnits)
-            return places_.try_emplace(uint64_t{t.kind()} << 32 | t.dataOffset, self).first->second;
-        return owners_[t.kind()].try_emplace(std::string_view(begin, t.bytes()), self).first->second;
-    }
-
-private:
-    const MicromapBuildInput &input_;
-    std::unordered_map<uint32_t, std::unordered_map<std::string_view, uint32_t>> owners_;
-    std::unordered_map<uint64_t, uint32_t> places_;
-};
 
 // Returns whether every triangle can use its data where it lies; `last`: the unit behind the last one that does.
 bool staysInPlace(const MicromapBuildInput &input, const std::vector<Triangle> &triangles, uint64_t &last)
@@ -150,19 +125,161 @@ void writeRecord(uint8_t *memory, uint64_t i, Record record)
     std::memcpy(memory + kMicromapHeaderWords * 4 + i * sizeof record, &record, sizeof record);
 }
 
+Record recordAt(const Triangle &t, uint64_t unit, uint32_t byte)
+{
+    if (byte == 0 && unit <= kMaxNearUnit)
+        return {(kKindData + t.kind()) | static_cast<uint32_t>(unit) << kUnitShift, t.mask};
+    return {kKindFar | t.kind() << kUnitShift | byte << kFarByteShift, static_cast<uint32_t>(unit)};
+}
+
+// Returns whether a record names data that a micromap with so many units has, or none.
+bool staysInside(const Record &record, uint32_t units)
+{
+    const uint32_t kind = record.word0 & kKindMask;
+    if (kind == kKindInline)
+        return true;
+    const bool far = kind == kKindFar;
+    const uint32_t n = far ? record.word0 >> kUnitShift & kKindMask : kind - kKindData;
+    const uint64_t unit = far ? record.word1 : record.word0 >> kUnitShift;
+    const uint32_t before = far ? (record.word0 >> kFarByteShift & kFarByteMask) * 8 : 0;
+    return n < kDataKinds &&
+           unit + (before + (uint64_t{1 + (n & 1)} << (2 * (kCoarseLevel + 1 + n / 2))) + 127) / 128 <= units;
+}
+
+// A triangle of a micromap, by its record: its data is at dataOffset of the data units. Without data it is invalid.
+struct Built : Triangle {
+    Record record;
+    uint64_t offset = 0;
+    uint32_t hash = 0;
+    uint32_t owner = kNoData;
+};
+
+uint32_t hashOf(const Built &t, const uint8_t *data)
+{
+    uint32_t hash = mixBits(t.kind()) + (t.units() > kMaxComparedUnits ? mixBits(static_cast<uint32_t>(t.offset)) : 0);
+    for (uint32_t u = 0; u < t.units(); ++u) {
+        uint32_t words[4] = {};
+        std::memcpy(words, data + uint64_t{u} * kDataUnitBytes, std::min(t.bytes(), kDataUnitBytes));
+        hash += hashUnit(words[0], words[1], words[2], words[3], u);
+    }
+    return hash;
+}
+
+Built readBuilt(const uint8_t *memory, uint32_t i, const uint8_t *units, uint32_t unitCount)
+{
+    Built t;
+    t.record = readRecord(memory, i);
+    if (!staysInside(t.record, unitCount))
+        t.record = {kKindInline, kUnknown};
+    const uint32_t kind = t.record.word0 & kKindMask;
+    t.valid = kind != kKindInline;
+    if (!t.valid)
+        return t;
+    const bool far = kind == kKindFar;
+    const uint32_t n = far ? t.record.word0 >> kUnitShift & kKindMask : kind - kKindData;
+    t.level = kCoarseLevel + 1 + n / 2;
+    t.bits = 1 + n % 2;
+    t.offset = uint64_t{far ? t.record.word1 : t.record.word0 >> kUnitShift} * kDataUnitBytes +
+               (far ? t.record.word0 >> kFarByteShift & kFarByteMask : 0);
+    t.mask = maskOf(t, units + t.offset);
+    if (describesAll(t.mask)) {
+        t.record = {kKindInline, t.mask};
+        t.valid = false;
+        return t;
+    }
+    t.hash = hashOf(t, units + t.offset);
+    t.owner = kNoTriangle;
+    return t;
+}
+
+bool sameData(const Built &a, const Built &b, const uint8_t *units)
+{
+    if (a.kind() != b.kind() || a.offset == b.offset)
+        return a.kind() == b.kind();
+    return a.units() <= kMaxComparedUnits && std::memcmp(units + a.offset, units + b.offset, a.bytes()) == 0;
+}
+
+// The rounds of core/compaction.h.
+void findOwners(std::vector<Built> &triangles, const uint8_t *units)
+{
+    const auto count = static_cast<uint32_t>(triangles.size());
+    for (uint32_t round = 0; round < kShareRounds; ++round) {
+        std::vector<uint32_t> table(shareSlots(count, round), kNoTriangle);
+        const auto slotOf = [&](const Built &t) -> uint32_t & { return table[shareSlot(count, round, t.hash)]; };
+        for (uint32_t i = 0; i < count; ++i) {
+            if (triangles[i].owner == kNoTriangle)
+                slotOf(triangles[i]) = std::min(slotOf(triangles[i]), i);
+        }
+        for (Built &t : triangles) {
+            if (t.owner == kNoTriangle && sameData(t, triangles[slotOf(t)], units))
+                t.owner = slotOf(t);
+        }
+    }
+    for (uint32_t i = 0; i < count; ++i) {
+        if (triangles[i].owner == kNoTriangle)
+            triangles[i].owner = i;
+    }
+}
+
 } // namespace
+
+uint64_t compactMicromapMemory(const uint8_t *memory, uint8_t *out)
+{
+    uint32_t header[kMicromapHeaderWords];
+    std::memcpy(header, memory, sizeof header);
+    const uint32_t count = header[kMicromapHeaderTriangles];
+    const uint8_t *units = memory + micromapMemoryBytes(count, 0);
+    std::vector<Built> triangles;
+    if ((header[kMicromapHeaderFlags] & kBuildAllowsCompaction) != 0 && header[kMicromapHeaderCompacted] == 0 &&
+        count <= kMostSharing) {
+        triangles.reserve(count);
+        for (uint32_t i = 0; i < count; ++i)
+            triangles.push_back(readBuilt(memory, i, units, header[kMicromapHeaderUnits]));
+        findOwners(triangles, units);
+    }
+    uint64_t needed = 0;
+    for (uint32_t i = 0; i < triangles.size(); ++i)
+        needed += triangles[i].owner == i ? triangles[i].units() : 0;
+    if (triangles.empty() || needed > header[kMicromapHeaderUnits]) {
+        const uint64_t used = micromapMemoryInUse(memory);
+        if (out)
+            std::memcpy(out, memory, used);
+        return used;
+    }
+    const uint64_t bytes = micromapMemoryBytes(count, needed);
+    if (!out)
+        return bytes;
+    uint8_t *target = out + micromapMemoryBytes(count, 0);
+    uint64_t next = 0;
+    for (uint32_t i = 0; i < count; ++i) {
+        const Built &t = triangles[i];
+        if (t.owner != i) {
+            writeRecord(out, i, t.owner == kNoData ? t.record : readRecord(out, t.owner));
+            continue;
+        }
+        std::memset(target + next * kDataUnitBytes, 0, uint64_t{t.units()} * kDataUnitBytes);
+        std::memcpy(target + next * kDataUnitBytes, units + t.offset, t.bytes());
+        writeRecord(out, i, recordAt(t, next, 0));
+        next += t.units();
+    }
+    if (count % 2 != 0)
+        writeRecord(out, count, {0, 0});
+    header[kMicromapHeaderUnits] = static_cast<uint32_t>(needed);
+    header[kMicromapHeaderCompacted] = 1;
+    std::memcpy(out, header, sizeof header);
+    return bytes;
+}
 
 void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out)
 {
     const uint32_t count = input.triangleCount;
     uint8_t *units = out + micromapMemoryBytes(count, 0);
-    Owners owners(input);
     std::vector<Triangle> triangles;
     triangles.reserve(count);
     for (uint32_t i = 0; i < count; ++i)
         triangles.push_back(readTriangle(input, i));
     uint64_t last = 0;
-    const bool stays = !input.share && staysInPlace(input, triangles, last);
+    const bool stays = staysInPlace(input, triangles, last);
     if (input.copiedAhead > 0)
         std::memcpy(
             units, input.data,
@@ -172,10 +289,7 @@ void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out)
         Triangle &t = triangles[i];
         if (stays)
             next = t.dataOffset / kDataUnitBytes;
-        const bool fold = t.level > kCoarseLevel && describesAll(t.mask);
-        if (input.share && t.units() > 0 && !fold)
-            t.owner = owners.of(t, i);
-        const uint64_t own = t.owner != i || fold ? 0 : t.units();
+        const uint64_t own = t.units();
         const bool overflows =
             own > 0 && !stays && own > input.capacityUnits - std::min<uint64_t>(next, input.capacityUnits);
         if (!t.valid || overflows) {
@@ -183,10 +297,6 @@ void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out)
             writeRecord(out, i, {kKindInline | ~kKindMask, kUnknown});
             if (overflows)
                 next += own;
-            continue;
-        }
-        if (t.owner != i) {
-            writeRecord(out, i, readRecord(out, t.owner));
             continue;
         }
         const uint32_t byte = stays ? t.dataOffset % kDataUnitBytes : 0;
@@ -198,13 +308,7 @@ void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out)
             std::memset(units + next * kDataUnitBytes, 0, static_cast<size_t>(own * kDataUnitBytes));
             std::memcpy(units + next * kDataUnitBytes, input.data + t.dataOffset, t.bytes());
         }
-        const auto unit = static_cast<uint32_t>(next);
-        if (own == 0)
-            writeRecord(out, i, {kKindInline, t.mask});
-        else if (byte == 0 && next <= kMaxNearUnit)
-            writeRecord(out, i, {(kKindData + t.kind()) | unit << kUnitShift, t.mask});
-        else
-            writeRecord(out, i, {kKindFar | t.kind() << kUnitShift | byte << kFarByteShift, unit});
+        writeRecord(out, i, own == 0 ? Record{kKindInline, t.mask} : recordAt(t, next, byte));
         next += own;
     }
     if (stays)
@@ -234,20 +338,8 @@ void distrustMicromapRecords(uint8_t *memory)
     std::memcpy(header, memory, sizeof header);
     const uint64_t records = (uint64_t{header[kMicromapHeaderTriangles]} + 1) / 2 * 2;
     for (uint64_t i = 0; i < records; ++i) {
-        const Record record = readRecord(memory, i);
-        const uint32_t kind = record.word0 & kKindMask;
-        if (kind == kKindInline)
-            continue;
-        const bool far = kind == kKindFar;
-        const uint32_t n = far ? record.word0 >> kUnitShift & kKindMask : kind - kKindData;
-        const uint32_t unit = far ? record.word1 : record.word0 >> kUnitShift;
-        if (n < kDataKinds) {
-            const uint32_t before = far ? (record.word0 >> kFarByteShift & kFarByteMask) * 8 : 0;
-            const uint64_t bits = before + (uint64_t{1 + (n & 1)} << (2 * (kCoarseLevel + 1 + n / 2)));
-            if (unit + (bits + 127) / 128 <= header[kMicromapHeaderUnits])
-                continue;
-        }
-        writeRecord(memory, i, {kKindInline, kUnknown});
+        if (!staysInside(readRecord(memory, i), header[kMicromapHeaderUnits]))
+            writeRecord(memory, i, {kKindInline, kUnknown});
     }
 }
 

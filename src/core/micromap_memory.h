@@ -21,10 +21,9 @@ struct MicromapBuildInput {
     uint32_t capacityUnits = 0;       // data units by the usage counts
     uint32_t maxLevel = 0;            // highest level of the usage counts
     uint32_t buildFlags = 0;          // VkBuildMicromapFlagsEXT, kept in the header
-    // Bytes of data that the device copies to where data goes, before it knows whether they can stay there. Without
-    // sharing only, and only to write what the device does where no triangle has its data, too.
+    // Bytes of data that the device copies to where data goes, before it knows whether they can stay there. Only to
+    // write what the device does where no triangle has its data, too.
     uint64_t copiedAhead = 0;
-    bool share = false; // identical data is kept once, uniform triangles take none
 };
 
 // Bytes in use of a micromap of that many triangles and data units.
@@ -40,6 +39,11 @@ void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out);
 
 // Bytes in use of the micromap at `memory`; 0 if there is none.
 uint64_t micromapMemoryInUse(const uint8_t *memory);
+
+// Writes the compacted copy of a micromap to `out`, unless that is null, and returns its size (core/compaction.h).
+// Uniform triangles take no data, and identical data is kept once. A micromap that was built without
+// VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT, or that would not become smaller, is copied as it is.
+uint64_t compactMicromapMemory(const uint8_t *memory, uint8_t *out);
 
 // Makes every record of a micromap that points outside the micromap's own units unknown.
 void distrustMicromapRecords(uint8_t *memory);

@@ -26,19 +26,33 @@ struct MicromapPush {
     VELLUM_ADDRESS data;
     VELLUM_ADDRESS scratch;
     uint triangleArrayStride;
-    uint triangleCount; // records in the destination
-    uint readable;      // elements of triangleArray inside its buffer
-    uint dataBytes;     // bytes of data inside its buffer
-    uint capacityUnits; // data units in the destination
-    uint partCapacity;  // entries of the list of parts
-    uint tableMask;
+    uint triangleCount;          // records in the destination
+    uint readable;               // elements of triangleArray inside its buffer
+    uint dataBytes;              // bytes of data inside its buffer
+    uint capacityUnits;          // data units in the destination
+    uint partCapacity;           // entries of the list of parts
     uint flags;                  // kBuild*
     uint alike;                  // level | format << 16, if all triangles have the same; 0: they do not
     uint lastOffset;             // the greatest data offset of such triangles in place
     uint trianglesPerInvocation; // of micromap_in_place.comp
     uint pack;                   // kPack*, of micromap_pack.comp
     uint copiersLog2;            // invocations for each block in its last pass
-    uint unused;
+};
+
+// micromaps/micromap_compact.glsl: all passes of a compaction (core/compaction.h)
+struct MicromapCompactPush {
+    VELLUM_ADDRESS source;
+    VELLUM_ADDRESS target; // 0: only the size is needed
+    VELLUM_ADDRESS value;  // its 64-bit number; 0: a copy
+    VELLUM_ADDRESS scratch;
+    VELLUM_ADDRESS root;
+    VELLUM_ADDRESS targetBytes;
+    uint sourceUnits;  // size of the source's memory in units of 16 bytes
+    uint most;         // triangles that the scratch memory has tables for
+    uint partCapacity; // entries of the list of parts
+    uint pass;         // kCompact*
+    uint invocations;  // of the pass
+    uint mark;         // kQueryMarked, or 0
 };
 
 // micromaps/micromap_move.comp
@@ -49,7 +63,8 @@ struct MicromapMovePush {
     VELLUM_ADDRESS serializedBytes; // up to the end of their buffer; copies: of the source
     VELLUM_UVEC4(driverUuid);
     VELLUM_ADDRESS root;
-    uint mode; // kMove*
+    VELLUM_ADDRESS compaction; // its scratch memory; 0: none precedes the copy
+    uint mode;                 // kMove*
     uint invocations;
 };
 

@@ -49,6 +49,7 @@ VELLUM_CONST uint kMicromapHeaderMagic = 0u;
 VELLUM_CONST uint kMicromapHeaderTriangles = 1u; // number of triangle records
 VELLUM_CONST uint kMicromapHeaderUnits = 2u;     // data units in use
 VELLUM_CONST uint kMicromapHeaderFlags = 3u;     // VkBuildMicromapFlagsEXT of the build
+VELLUM_CONST uint kMicromapHeaderCompacted = 4u; // 1: a compacted copy
 
 // --- serialized micromap: this header, then the bytes of the micromap that are in use ---
 // words 0..3: VkPhysicalDeviceIDProperties::driverUUID, 4..7: kMicromapLayoutUuid; both as the specification demands
@@ -68,30 +69,21 @@ VELLUM_CONST uint kMicromapLayoutUuid2 = 0x6f726369u; // "icro"
 // 8 words of counters; VkDispatchIndirectCommands of the passes of micromap_pack.comp, three words for each kPack*,
 // initially of 0 groups, then those that micromap_in_place.comp copies over them to start the passes; tables of words:
 //   sums        one per kPlaceBlock triangles: units of the block, then of all blocks before it
-// for builds that share identical data or are lossy:
+// for lossy builds:
 //   parts       two words each, {triangle, part}: parts of triangles with more than kPartUnits units
-// and for builds that share:
-//   hashes      one per triangle
-//   slots       one per triangle: its slot of the table, or kNoSlot
-//   table       open addressing: 1 + the lowest triangle of those with the same data; 0: empty
 VELLUM_CONST uint kScratchCounterWords = 8u;
 VELLUM_CONST uint kScratchArguments = 8u;
 VELLUM_CONST uint kArgumentWords = 9u;
 VELLUM_CONST uint kScratchTables = 32u; // words before the tables
 VELLUM_CONST uint kScratchPartCount = 0u;
-VELLUM_CONST uint kScratchStaged = 3u;    // data units that are allocated to triangles of lossy builds
-VELLUM_CONST uint kScratchPartsFull = 4u; // not 0: large triangles have more parts than the list's capacity
+VELLUM_CONST uint kScratchStaged = 3u; // data units that are allocated to triangles of lossy builds
 VELLUM_CONST uint kPlaceBlock = 256u;
 VELLUM_CONST uint kPartUnits = 64u;
-VELLUM_CONST uint kNoSlot = 0xffffffffu;
-VELLUM_CONST uint kMaxProbes = 64u;
-// One invocation compares the data of two triangles: those with more units only share data at the same offset.
-VELLUM_CONST uint kMaxComparedUnits = 16384u;
 
 // --- flags of a micromap build's push constants: VkBuildMicromapFlagsEXT, and ---
 VELLUM_CONST uint kBuildFlagsMask = 0xffffu;
-VELLUM_CONST uint kBuildMaxLevelShift = 16u; // 4 bits: the highest level of the usage counts
-VELLUM_CONST uint kBuildShare = 0x40000000u;
+VELLUM_CONST uint kBuildAllowsCompaction = 4u; // VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT
+VELLUM_CONST uint kBuildMaxLevelShift = 16u;   // 4 bits: the highest level of the usage counts
 VELLUM_CONST uint kBuildAnalysing = 0x80000000u;
 
 // --- passes of micromap_pack.comp ---
@@ -266,13 +258,13 @@ VELLUM_CONST uint kInstanceUnits = 4u; // 16-byte units of a VkAccelerationStruc
 // --- copies of micromaps (shaders/micromaps/micromap_move.comp) ---
 VELLUM_CONST uint kMoveSerialize = 0u;
 VELLUM_CONST uint kMoveDeserialize = 1u;
-VELLUM_CONST uint kMoveCopy = 2u;          // clone or compact: the bytes in use
+VELLUM_CONST uint kMoveCopy = 2u;          // the bytes in use
 VELLUM_CONST uint kMoveMarked = 4u;        // a bit: the deserialized size becomes kMicromapSizeMark modulo 256
 VELLUM_CONST uint kMoveOnlyMicromaps = 8u; // a bit: other data is ignored, without an error
 VELLUM_CONST uint kMoveUnitsPerInvocation = 8u;
 
 // --- values of queries (shaders/query_pool/query_value.comp) ---
-VELLUM_CONST uint kQueryMicromapCompacted = 0u; // also the size that a clone needs: the bytes in use
+VELLUM_CONST uint kQueryMicromapSize = 0u; // the bytes in use, which a clone needs
 VELLUM_CONST uint kQueryMicromapSerialized = 1u;
 VELLUM_CONST uint kQueryMarked = 4u; // a bit: the size becomes kMicromapSizeMark modulo 256
 

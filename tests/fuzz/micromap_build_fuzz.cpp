@@ -63,6 +63,8 @@ void damage(Reader &input, std::vector<uint8_t> memory)
         return; // rejected by the layer
     memory.resize(used);
     memory.shrink_to_fit();
+    std::vector<uint8_t> compacted(compactMicromapMemory(memory.data(), nullptr));
+    compactMicromapMemory(memory.data(), compacted.data());
     distrustMicromapRecords(memory.data());
     FUZZ_CHECK(micromapMemoryInUse(memory.data()) == used);
     checkStaysInside(memory);
@@ -75,15 +77,13 @@ void buildMemory(Reader &input)
     std::array<uint8_t, 32> hands; // for damage()
     input.part(hands.size()).fill(hands);
     BuildModel model;
-    model.share = input.flag();
     model.triangles.resize(input.oneIn(16) ? input.below(600) : input.below(24));
     model.maxLevel = input.oneIn(4) ? input.below(13) : 12;
     if (input.oneIn(8))
         model.readable = input.below(40);
     MicromapBuildInput build;
-    build.share = model.share;
     build.stride = input.oneIn(4) ? input.below(64) : 8;
-    build.buildFlags = input.oneIn(4) ? kPreferFastBuild : 0;
+    build.buildFlags = (input.oneIn(4) ? kPreferFastBuild : 0) | (input.flag() ? shared::kBuildAllowsCompaction : 0);
     const bool ahead = input.oneIn(4);
     const uint32_t capacityMode = input.below(4);
     const uint32_t capacity = input.take<uint16_t>();
@@ -123,7 +123,7 @@ void buildMemory(Reader &input)
     build.dataBytes = data.size();
     build.capacityUnits = model.capacityUnits;
     build.maxLevel = model.maxLevel;
-    build.copiedAhead = ahead && !model.share ? data.size() : 0;
+    build.copiedAhead = ahead ? data.size() : 0;
 
     const uint64_t size = micromapMemoryBytes(count, model.capacityUnits);
     std::vector<uint8_t> memory(size, kUntouched);
@@ -136,6 +136,14 @@ void buildMemory(Reader &input)
                                [](uint8_t byte) { return byte == kUntouched; }));
     const std::span<const uint8_t> inUse(memory.data(), used);
     checkBuilt(model, inUse);
+
+    std::vector<uint8_t> compacted(compactMicromapMemory(memory.data(), nullptr));
+    FUZZ_CHECK(compacted.size() <= used);
+    FUZZ_CHECK(compactMicromapMemory(memory.data(), compacted.data()) == compacted.size());
+    FUZZ_CHECK(micromapMemoryInUse(compacted.data()) == compacted.size());
+    checkBuilt(model, compacted);
+    checkStaysInside(compacted);
+    FUZZ_CHECK(compactMicromapMemory(compacted.data(), nullptr) == compacted.size());
 
     // Valid records are unchanged.
     std::vector<uint8_t> copy(inUse.begin(), inUse.end());

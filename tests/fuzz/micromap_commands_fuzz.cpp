@@ -56,7 +56,7 @@ private:
     [[nodiscard]] std::span<uint8_t> bytesOf(VkMicromapEXT micromap) const;
     VkMicromapEXT build(uint64_t size);
     uint64_t property(VkMicromapEXT micromap, VkQueryType type);
-    void copy(VkMicromapEXT source, uint64_t used);
+    void copy(VkMicromapEXT source, uint64_t compacted);
     void serialize(VkMicromapEXT source, uint64_t used);
     void deserializeDamaged(std::vector<uint8_t> serialized, uint64_t used);
     void deserializeAnything();
@@ -121,9 +121,7 @@ void Commands::readTriangles()
         model_.maxLevel = std::max(model_.maxLevel, usage.subdivisionLevel);
         most = std::max(most, dataBytes(one));
     }
-    model_.share = (info_.flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0 &&
-                   (info_.flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0;
-    if (!model_.share && model_.capacityUnits > 0)
+    if (model_.capacityUnits > 0)
         model_.capacityUnits += static_cast<uint32_t>((inlineBytes + 15) / 16);
     most = std::max(most, dataBytes({0, kMostOtherLevel, 2}));
     const uint32_t places = 1 + input_.below(1u << 12);
@@ -233,10 +231,10 @@ void Commands::checkMicromap(VkMicromapEXT micromap) const
         checkStaysInside(bytes);
 }
 
-// Into a micromap of the compacted size it is the same; into one that is smaller, none.
-void Commands::copy(VkMicromapEXT source, uint64_t used)
+// Into a micromap of the compacted size it has the same states; into one that is smaller, none.
+void Commands::copy(VkMicromapEXT source, uint64_t compacted)
 {
-    const VkMicromapEXT exact = make(used);
+    const VkMicromapEXT exact = make(compacted);
     VkCopyMicromapInfoEXT info{VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT};
     info.src = source;
     info.dst = exact;
@@ -250,7 +248,7 @@ void Commands::copy(VkMicromapEXT source, uint64_t used)
     checkBuilt(model_, bytesOf(exact));
     if (packed_)
         return;
-    info.dst = make(input_.below(static_cast<uint32_t>(used)));
+    info.dst = make(input_.below(static_cast<uint32_t>(compacted)));
     run();
     checkMicromap(info.dst);
     // The memory then holds no micromap: it has the size of an empty one.
@@ -353,10 +351,11 @@ void Commands::run()
     FUZZ_CHECK((micromap != VK_NULL_HANDLE) == (missing == 0));
     if (!micromap)
         return;
-    const uint64_t used = property(micromap, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
-    FUZZ_CHECK(used <= exact);
+    const uint64_t used = property(micromap, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT) - kHeaderBytes;
+    const uint64_t compacted = property(micromap, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
+    FUZZ_CHECK(used <= exact && compacted <= used);
     checkBuilt(model_, bytesOf(micromap).first(used));
-    copy(micromap, used);
+    copy(micromap, compacted);
     serialize(micromap, used);
 }
 

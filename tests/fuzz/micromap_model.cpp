@@ -3,9 +3,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <map>
-#include <string_view>
-#include <tuple>
 
 #include "check.h"
 #include "core/curve.h"
@@ -31,21 +28,6 @@ uint32_t stateCount(uint32_t level)
 uint32_t stepOf(uint32_t count, uint32_t most)
 {
     return count <= most ? 1 : count / most | 1;
-}
-
-// Each sub-triangle of level 2 is wholly transparent, or wholly opaque.
-bool needsNoData(const BuildModel &model, uint32_t i)
-{
-    const uint32_t each = stateCount(model.triangles[i].level) / 16;
-    for (uint32_t sub = 0; sub < 16; ++sub) {
-        const uint32_t first = sourceState(model, i, sub * each);
-        if (first > 1)
-            return false;
-        for (uint32_t k = 1; k < each; ++k)
-            if (sourceState(model, i, sub * each + k) != first)
-                return false;
-    }
-    return true;
 }
 
 bool isValid(const BuildModel &model, uint32_t i)
@@ -104,45 +86,24 @@ uint32_t sourceState(const BuildModel &model, uint32_t triangle, uint32_t index)
 }
 
 // Data stays where it lies if that is possible for all of it. Else each triangle's follows the one before, and what
-// does not fit is unknown. With sharing, triangles with the same data have it once, and those that need none take none.
-std::vector<Expected> expectedOf(const BuildModel &model)
+// does not fit is unknown.
+std::vector<bool> unknownOf(const BuildModel &model)
 {
-    std::vector<Expected> expected(model.triangles.size());
-    bool stays = !model.share;
-    for (uint32_t i = 0; i < expected.size(); ++i) {
-        expected[i].invalid = !isValid(model, i);
+    std::vector<bool> unknown(model.triangles.size());
+    bool stays = true;
+    for (uint32_t i = 0; i < unknown.size(); ++i) {
+        unknown[i] = !isValid(model, i);
         const SourceTriangle &t = model.triangles[i];
-        if (!expected[i].invalid && dataUnits(t) > 0)
+        if (!unknown[i] && dataUnits(t) > 0)
             stays &= t.dataOffset + dataBytes(t) <= uint64_t{model.capacityUnits} * 16;
     }
-    // Large data is the same only where it is the same bytes in the same place.
-    std::map<std::tuple<uint32_t, uint32_t, std::string_view, uint32_t>, uint32_t> owners;
     uint64_t next = 0;
-    for (uint32_t i = 0; i < expected.size() && !stays; ++i) {
-        const SourceTriangle &t = model.triangles[i];
-        const uint64_t units = !expected[i].invalid ? dataUnits(t) : 0;
-        if (units == 0)
-            continue;
-        if (model.share) {
-            if (needsNoData(model, i))
-                continue;
-            const bool large = units > kMaxComparedUnits;
-            const auto *bytes = reinterpret_cast<const char *>(model.data.data()) + t.dataOffset;
-            const std::string_view content(bytes, large ? 0 : dataBytes(t));
-            const auto [owner, first] =
-                owners.try_emplace({t.level, t.format, content, large ? t.dataOffset : UINT32_MAX}, i);
-            if (!first) {
-                expected[i].unknown = expected[owner->second].invalid;
-                continue;
-            }
-        }
-        if (next + units > model.capacityUnits)
-            expected[i].invalid = true;
+    for (uint32_t i = 0; i < unknown.size() && !stays; ++i) {
+        const uint64_t units = unknown[i] ? 0 : dataUnits(model.triangles[i]);
+        unknown[i] = unknown[i] || (units > 0 && next + units > model.capacityUnits);
         next += units;
     }
-    for (Expected &e : expected)
-        e.unknown |= e.invalid;
-    return expected;
+    return unknown;
 }
 
 uint32_t builtState(std::span<const uint8_t> micromap, uint32_t triangle, uint32_t level, uint32_t index)
@@ -175,14 +136,14 @@ uint32_t builtState(std::span<const uint8_t> micromap, uint32_t triangle, uint32
 
 void checkBuilt(const BuildModel &model, std::span<const uint8_t> micromap)
 {
-    const std::vector<Expected> expected = expectedOf(model);
-    FUZZ_CHECK(wordAt(micromap, kMicromapHeaderTriangles * 4) == expected.size());
+    const std::vector<bool> unknown = unknownOf(model);
+    FUZZ_CHECK(wordAt(micromap, kMicromapHeaderTriangles * 4) == unknown.size());
     FUZZ_CHECK(wordAt(micromap, kMicromapHeaderUnits * 4) <= model.capacityUnits);
     Micromap library;
     library.data.assign(model.data.begin(), model.data.end());
-    for (uint32_t i = 0; i < expected.size(); ++i) {
+    for (uint32_t i = 0; i < unknown.size(); ++i) {
         const SourceTriangle &t = model.triangles[i];
-        if (expected[i].unknown) {
+        if (unknown[i]) {
             for (uint32_t k = 0; k < 16; ++k)
                 FUZZ_CHECK(builtState(micromap, i, 2, k) == kStateUnknownOpaque);
             continue;

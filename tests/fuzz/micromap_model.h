@@ -24,14 +24,10 @@ struct BuildModel {
     std::span<const uint8_t> data;
     uint32_t capacityUnits = 0;
     uint32_t maxLevel = 12;
-    bool share = false;
 };
 
-struct Expected {
-    bool invalid = false; // the input is, or the data does not fit; then all of it is unknown-opaque
-    bool unknown = false; // it is, because it is invalid or has the data of a triangle that is
-};
-std::vector<Expected> expectedOf(const BuildModel &model);
+// For each triangle, whether all of it is unknown-opaque: the input is invalid, or the data does not fit.
+std::vector<bool> unknownOf(const BuildModel &model);
 
 // Bytes of data of a triangle, and 16-byte units that it takes of a micromap.
 uint64_t dataBytes(const SourceTriangle &triangle);

@@ -58,13 +58,15 @@ void ExtBackend::recordMicromapAnswer(VkCommandBuffer commandBuffer, const Prope
     }
 }
 
-void ExtBackend::recordCorrection(InjectedWork &work, const Property &property)
+void ExtBackend::recordCorrections(VkCommandBuffer, InjectedWork &work, std::span<const Property> properties)
 {
     // The size marks a structure that is created with it as one for a micromap. Applications may create the target of a
     // deserialization with the size of the serialized data.
-    if (property.micromap && (property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR ||
-                              property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR))
-        work.dispatch(InjectedShader::MarkedSize, shared::MarkedSizePush{property.address}, 1, 1);
+    for (const Property &property : properties) {
+        if (property.micromap && (property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR ||
+                                  property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR))
+            work.dispatch(InjectedShader::MarkedSize, shared::MarkedSizePush{property.address}, 1, 1);
+    }
 }
 
 } // namespace vellum::layer

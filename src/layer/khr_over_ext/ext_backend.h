@@ -33,7 +33,8 @@ public:
 
     VkAccelerationStructureKHR driverHandle(AccelerationStructure &structure) override { return structure.handle; }
     void recordMicromapAnswer(VkCommandBuffer commandBuffer, const Property &property) override;
-    void recordCorrection(InjectedWork &work, const Property &property) override;
+    void recordCorrections(VkCommandBuffer commandBuffer, InjectedWork &work,
+                           std::span<const Property> properties) override;
 
     // ext_copies.cpp
     [[nodiscard]] VkDeviceSize cloneBytes(const StructureCopy &copy) override;

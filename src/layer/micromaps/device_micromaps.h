@@ -4,6 +4,7 @@
 #pragma once
 
 #include "layer/command_buffer/device_command_buffers.h"
+#include "layer/micromaps/micromap_compaction.h"
 #include "layer/state/device_state.h"
 
 namespace vellum::layer
@@ -14,6 +15,7 @@ struct DeviceMicromaps {
     DeviceBuffers &buffers;
     DeviceState &objects;
     DeviceCommandBuffers &commands;
+    MicromapBounds bounds{};
 };
 
 } // namespace vellum::layer

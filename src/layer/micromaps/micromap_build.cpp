@@ -59,9 +59,7 @@ MicromapPush pushOf(const DeviceMicromaps &device, const MicromapBuild &build)
     push.triangleCount = static_cast<uint32_t>(extent.triangles);
     push.capacityUnits = static_cast<uint32_t>(extent.units);
     push.partCapacity = static_cast<uint32_t>(extent.parts());
-    push.tableMask = static_cast<uint32_t>(extent.tableSlots() - 1);
-    push.flags =
-        (build.flags & kBuildFlagsMask) | extent.maxLevel << kBuildMaxLevelShift | (extent.share ? kBuildShare : 0);
+    push.flags = (build.flags & kBuildFlagsMask) | extent.maxLevel << kBuildMaxLevelShift;
     push.readable =
         device.buffers.addresses.elementsFrom(push.triangleArray, sizeof(VkMicromapTriangleEXT), build.triangleStride);
     push.alike = alikeOf(build);
@@ -75,7 +73,6 @@ MicromapPush pushOf(const DeviceMicromaps &device, const MicromapBuild &build)
 MicromapPush coarseningOf(MicromapPush push, const MicromapExtent &extent)
 {
     push.micromap = push.scratch + extent.coarsenedOffset();
-    push.flags &= ~kBuildShare;
     return push;
 }
 
@@ -130,7 +127,6 @@ struct OneBuild {
     VkBuffer micromap = VK_NULL_HANDLE;
     VkDeviceSize micromapOffset = 0;
 
-    [[nodiscard]] bool shares() const { return (push.flags & kBuildShare) != 0; }
     // Triangles of level 7 and above have more than kPartUnits units.
     [[nodiscard]] bool hasParts() const
     {
@@ -164,7 +160,7 @@ void prepareInPlace(const DeviceMicromaps &device, VkCommandBuffer commandBuffer
                     OneBuild &build)
 {
     MicromapPush &push = build.push;
-    if (given.extent.share || given.extent.lossy || push.triangleCount == 0 || push.triangleCount > kMostInPlace)
+    if (given.extent.lossy || push.triangleCount == 0 || push.triangleCount > kMostInPlace)
         return;
     const uint64_t capacity = uint64_t{push.capacityUnits} * kDataUnitBytes;
     build.mayPack = given.extent.maxLevel > kCoarseLevel && push.dataBytes > capacity;
@@ -242,8 +238,6 @@ private:
         }
         if (any([](const OneBuild &build) { return build.inPlace; }))
             barrier();
-        if (any([](const OneBuild &build) { return build.shares(); }))
-            share();
         stage(InjectedShader::MicromapInPlace, [](const OneBuild &build) {
             return build.inPlace ? (build.triangles() - 1) / build.push.trianglesPerInvocation + 1 : 0;
         });
@@ -256,10 +250,6 @@ private:
         if (recording_)
             work_.barrier();
     }
-
-    static uint64_t sharedTriangles(const OneBuild &build) { return build.shares() ? build.triangles() : 0; }
-    static uint64_t sharedBlocks(const OneBuild &build) { return blocksOf(sharedTriangles(build)) * 64; }
-    static uint64_t sharedParts(const OneBuild &build) { return build.shares() ? build.parts() : 0; }
 
     void prepare(const OneBuild &build)
     {
@@ -306,27 +296,6 @@ private:
         builds_.swap(lossy_);
     }
 
-    // The passes of builds that share identical data.
-    void share()
-    {
-        const bool parts = any([](const OneBuild &build) { return sharedParts(build) > 0; });
-        stage(InjectedShader::MicromapClear, [](const OneBuild &build) {
-            const uint64_t words = std::max<uint64_t>(build.push.tableMask + uint64_t{1}, kScratchCounterWords);
-            return build.shares() ? words : 0;
-        });
-        stage(InjectedShader::MicromapAnalyse, sharedTriangles, 64, kBuildAnalysing);
-        if (parts)
-            stage(InjectedShader::MicromapParts, sharedParts, 64, kBuildAnalysing);
-        stage(InjectedShader::MicromapShare, sharedTriangles);
-        stage(InjectedShader::MicromapPlace, sharedBlocks, 64, kBuildAnalysing);
-        stage(
-            InjectedShader::MicromapScan, [](const OneBuild &build) { return uint64_t{build.shares()}; }, 1);
-        stage(InjectedShader::MicromapPlace, sharedBlocks);
-        if (parts)
-            stage(InjectedShader::MicromapParts, sharedParts);
-        stage(InjectedShader::MicromapOwners, sharedTriangles);
-    }
-
     template <typename Predicate>
     bool any(Predicate predicate)
     {
@@ -358,7 +327,7 @@ private:
         bool some = false;
         for (const OneBuild &build : builds_) {
             const uint64_t count = build.packing(pass);
-            if (build.shares() || count == 0 || (build.inPlace && !build.mayPack))
+            if (count == 0 || (build.inPlace && !build.mayPack))
                 continue;
             some = true;
             MicromapPush push = build.push;
@@ -391,8 +360,10 @@ void recordMicromapBuilds(DeviceMicromaps &device, VkCommandBuffer commandBuffer
     if (builds.empty())
         return;
     Build recording(device, commandBuffer);
-    for (const MicromapBuild &build : builds)
+    for (const MicromapBuild &build : builds) {
         recording.add(build);
+        recordMicromapBound(device, build.target, {build.extent.triangles, build.extent.bytes()});
+    }
     recording.record();
 }
 

@@ -60,7 +60,7 @@ void rejectTooSmall(const DeviceMicromaps &device, const char *command, const Mi
 } // namespace
 
 void recordMicromapCopy(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const char *command,
-                        const Micromap &source, const Micromap &target)
+                        const Micromap &source, const Micromap &target, bool compact)
 {
     if (tooSmall(source) || tooSmall(target))
         return rejectTooSmall(device, command, tooSmall(source) ? source : target, !tooSmall(source));
@@ -74,6 +74,15 @@ void recordMicromapCopy(DeviceMicromaps &device, VkCommandBuffer commandBuffer, 
     push.serialized = micromapAddress(device.driver, source);
     push.serializedBytes = source.size;
     InjectedWork work(device.commands, commandBuffer);
+    if (compact) {
+        push.compaction = recordCompaction(device, commandBuffer, work, source, target);
+        if (push.compaction == 0) {
+            device.driver.report().error("VELLUM-out-of-memory", std::string(command) + ": no memory for a compaction",
+                                         target.object.type, target.object.handle);
+            return;
+        }
+    }
+    recordMicromapBound(device, target, micromapBound(device, source));
     move(work, device.driver, push);
 }
 
@@ -101,6 +110,7 @@ void recordMicromapRestore(DeviceMicromaps &device, VkCommandBuffer commandBuffe
         movePush(device, target, kMoveDeserialize | (invalid == InvalidData::KeepsTarget ? kMoveOnlyMicromaps : 0));
     push.serialized = source;
     push.serializedBytes = device.buffers.addresses.bytesFrom(source);
+    recordMicromapBound(device, target, boundOf(push.serializedBytes));
     InjectedWork work(device.commands, commandBuffer);
     move(work, device.driver, push);
 }
@@ -141,7 +151,8 @@ void cmdCopyMicromap(DeviceMicromaps &device, VkCommandBuffer commandBuffer, con
 {
     constexpr const char *kCommand = "vkCmdCopyMicromapEXT";
     if (isAccepted(device, commandBuffer, kCommand, *info))
-        recordMicromapCopy(device, commandBuffer, kCommand, *micromapOf(info->src), *micromapOf(info->dst));
+        recordMicromapCopy(device, commandBuffer, kCommand, *micromapOf(info->src), *micromapOf(info->dst),
+                           info->mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT);
 }
 
 void cmdCopyMicromapToMemory(DeviceMicromaps &device, VkCommandBuffer commandBuffer,

@@ -2,8 +2,8 @@
 // Copies of micromaps on the device, queries of their properties, and the commands of VK_EXT_opacity_micromap for them;
 // those of VK_KHR_opacity_micromap are in structures/structure_commands.h.
 //
-// A micromap is self-contained, and nothing in it depends on its location, so clone and compact copy bytes. Only the
-// device knows how many are in use: a handle may be larger than what was built there, and other data may follow it.
+// A micromap is self-contained, and nothing in it depends on its location, so a clone copies bytes. Only the device
+// knows how many are in use: a handle may be larger than what was built there, and other data may follow it.
 #pragma once
 
 #include <cstdint>
@@ -19,9 +19,9 @@ struct DeviceMicromaps;
 class InjectedWork;
 
 // --- copies that have been checked, whichever extension they came by ---
-// Clone or compact. Rejects, with a message under `command`, a copy of a micromap onto itself.
+// Rejects, with a message under `command`, a copy of a micromap onto itself.
 void recordMicromapCopy(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const char *command,
-                        const Micromap &source, const Micromap &target);
+                        const Micromap &source, const Micromap &target, bool compact);
 void recordMicromapSave(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const Micromap &source,
                         VkDeviceAddress target);
 // The effect of data that is not a serialized micromap: the target becomes empty, with a message, or is unchanged.

@@ -2,7 +2,6 @@
 #include "layer/micromaps/micromap_extent.h"
 
 #include <algorithm>
-#include <bit>
 
 #include "core/curve.h"
 #include "core/micromap.h"
@@ -18,8 +17,6 @@ using namespace shared;
 // Shaders number blocks of triangles, and the invocations of a grid that is rounded up, in 32 bits.
 constexpr uint64_t kMostTriangles = UINT32_MAX - (uint64_t{1} << 17);
 constexpr uint64_t kMostUnits = UINT32_MAX - (uint64_t{kPlaceBlock} << 18);
-// Above it, the tables for sharing would need 64-bit offsets.
-constexpr uint64_t kMostSharing = uint64_t{1} << 26;
 
 } // namespace
 
@@ -30,19 +27,12 @@ uint64_t MicromapExtent::bytes() const
 
 uint64_t MicromapExtent::parts() const
 {
-    return share || lossy ? units / kPartUnits : 0;
-}
-
-uint64_t MicromapExtent::tableSlots() const
-{
-    return share ? std::bit_ceil(std::max<uint64_t>(2 * triangles, 2)) : 1;
+    return lossy ? units / kPartUnits : 0;
 }
 
 uint64_t MicromapExtent::coarsenedOffset() const
 {
-    uint64_t words = kScratchTables + blocksOf(triangles) + 2 * parts();
-    if (share)
-        words += 2 * triangles + tableSlots();
+    const uint64_t words = kScratchTables + blocksOf(triangles) + 2 * parts();
     return (words * 4 + 255) / 256 * 256;
 }
 
@@ -83,13 +73,8 @@ MicromapExtent extentOf(const input::UsageCounts &usages, VkBuildMicromapFlagsEX
     // Without data there is nothing to save. Data offsets of triangles have 32 bits; a larger lossy build is built
     // without losses, which is allowed.
     extent.lossy = (flags & kLossyBuild) != 0 && extent.units > 0 && extent.coarsenedBytes() <= UINT32_MAX;
-    // Sharing reads all data twice more, so that compaction can save memory. No frame was found that is faster with it
-    // (bench/results/lavapipe.md), so PREFER_FAST_TRACE does not enable it. The size matters in lossy builds too.
-    const bool compacts = (flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0 &&
-                          (flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0;
-    extent.share = (compacts || extent.lossy) && extent.triangles > 0 && extent.triangles <= kMostSharing;
     // Data that stays in its order may have that of inline triangles between.
-    if (!extent.share && !extent.lossy && extent.units > 0)
+    if (!extent.lossy && extent.units > 0)
         extent.units += (inlineBytes + kDataUnitBytes - 1) / kDataUnitBytes;
     return extent;
 }

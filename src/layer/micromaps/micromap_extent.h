@@ -31,14 +31,11 @@ struct MicromapExtent {
     uint64_t triangles = 0;
     uint64_t units = 0; // of kDataUnitBytes
     uint32_t maxLevel = 0;
-    bool share = false; // identical data is kept once
     bool lossy = false; // triangles are coarsened first
 
     [[nodiscard]] uint64_t bytes() const;
     // Entries of the list of parts in the scratch memory.
     [[nodiscard]] uint64_t parts() const;
-    // Slots of the hash table in the scratch memory, a power of two.
-    [[nodiscard]] uint64_t tableSlots() const;
     [[nodiscard]] uint64_t scratchBytes() const;
     // The coarsened micromap of a lossy build: its offset in the scratch memory, after everything else, and its bytes.
     [[nodiscard]] uint64_t coarsenedOffset() const;

@@ -82,6 +82,14 @@ uint64_t usedBytes(DeviceMicromaps &device, VkMicromapEXT handle)
     return used <= micromapOf(handle)->size ? used : 0;
 }
 
+// The bytes that a compacted copy takes; 0 as above.
+uint64_t compactedBytes(DeviceMicromaps &device, VkMicromapEXT handle)
+{
+    const uint64_t used = usedBytes(device, handle);
+    const View source(device, handle, used, HostView::For::Reading);
+    return used == 0 || !source.bytes() ? 0 : compactMicromapMemory(source.bytes(), nullptr);
+}
+
 // The bytes in use; the header if none are.
 View viewOf(DeviceMicromaps &device, VkMicromapEXT handle, uint64_t used)
 {
@@ -98,7 +106,6 @@ void write(const MicromapBuild &build, uint8_t *out)
     input.capacityUnits = static_cast<uint32_t>(build.extent.units);
     input.maxLevel = build.extent.maxLevel;
     input.buildFlags = build.flags;
-    input.share = build.extent.share;
     writeMicromapMemory(input, out);
 }
 
@@ -140,6 +147,8 @@ VkResult buildMicromaps(DeviceMicromaps &device, VkDevice, VkDeferredOperationKH
         }
         const MicromapBuild build = micromapBuildOf(given);
         const View view(device, infos[given.element].dstMicromap, build.extent.bytes(), HostView::For::Writing);
+        recordMicromapBound(device, *micromapOf(infos[given.element].dstMicromap),
+                            {build.extent.triangles, build.extent.bytes()});
         if (view.bytes())
             write(build, view.bytes());
         else
@@ -153,20 +162,25 @@ VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR 
 {
     if (!copyOf(device, "vkCopyMicromapEXT", *info).accepted)
         return rejected(device);
+    const bool compact = info->mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT;
     const uint64_t used = usedBytes(device, info->src);
+    const uint64_t needed = compact ? compactedBytes(device, info->src) : used;
     const uint64_t capacity = micromapOf(info->dst)->size;
     const View source = viewOf(device, info->src, used);
-    const View target(device, info->dst, std::max(used, kHeaderBytes), HostView::For::Writing);
+    const View target(device, info->dst, std::max(needed, kHeaderBytes), HostView::For::Writing);
     if (!source.bytes() || !target.bytes())
         return VK_ERROR_OUT_OF_HOST_MEMORY;
-    // Same rule as on the device (shaders/micromaps/micromap_move.comp).
-    const uint64_t written = std::min(used, capacity);
-    if (target.bytes() < source.bytes() + written && source.bytes() < target.bytes() + written) {
+    // Same rule as on the device (shaders/micromaps/micromap_move.comp, micromap_compact_place.comp).
+    if (target.bytes() < source.bytes() + used && source.bytes() < target.bytes() + std::min(needed, capacity)) {
         reportCopy(device, kOverlap, info->dst);
-    } else if (used == 0 || used > capacity) {
+    } else if (needed == 0 || needed > capacity) {
         target.invalidate();
-        reportCopy(device, used == 0 ? kNotBuilt : kTooLarge, info->dst);
+        reportCopy(device, needed == 0 ? kNotBuilt : kTooLarge, info->dst);
+    } else if (compact) {
+        recordMicromapBound(device, *micromapOf(info->dst), boundOf(needed));
+        compactMicromapMemory(source.bytes(), target.bytes());
     } else {
+        recordMicromapBound(device, *micromapOf(info->dst), boundOf(needed));
         std::memcpy(target.bytes(), source.bytes(), used);
     }
     return done(operation);
@@ -217,6 +231,7 @@ VkResult copyMemoryToMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOpera
             reportCopy(device, known ? kTooLarge : kNotSerialized, info->dst);
         return done(operation);
     }
+    recordMicromapBound(device, *micromapOf(info->dst), boundOf(header.micromapBytes));
     std::memcpy(target.bytes(), in + sizeof header, header.micromapBytes);
     distrustMicromapRecords(target.bytes());
     return done(operation);
@@ -238,7 +253,10 @@ VkResult writeMicromapsProperties(DeviceMicromaps &device, VkDevice, uint32_t co
     if (!query.accepted)
         return rejected(device);
     for (uint32_t i = 0; i < count; ++i) {
-        VkDeviceSize value = std::max(usedBytes(device, micromaps[i]), kHeaderBytes);
+        VkDeviceSize value =
+            std::max(type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ? compactedBytes(device, micromaps[i])
+                                                                       : usedBytes(device, micromaps[i]),
+                     kHeaderBytes);
         if (type == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT)
             value += sizeof(SerializedMicromapHeader);
         std::memcpy(static_cast<uint8_t *>(data) + i * stride, &value, sizeof value);

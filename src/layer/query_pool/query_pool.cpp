@@ -327,12 +327,19 @@ void cmdWriteMicromapsProperties(DeviceQueryPools &device, VkCommandBuffer comma
     const auto query = queryOf(device, kCommand, count, micromaps, type, pool.get(), first, micromapFacts);
     if (!query.accepted || !pool || count == 0 || InjectedWork::rejectedIn(device.commands, commandBuffer, kCommand))
         return;
-    const uint32_t kind =
-        type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ? kQueryMicromapCompacted : kQueryMicromapSerialized;
+    const bool compacted = type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT;
     InjectedWork work(device.commands, commandBuffer);
     work.barrier();
-    for (uint32_t i = 0; i < count; ++i)
-        recordMicromapProperty(work, device.driver, *micromapOf(micromaps[i]), kind, pool->valueAddress(first + i));
+    std::vector<CompactedSize> sizes;
+    for (uint32_t i = 0; i < count; ++i) {
+        const Micromap &micromap = *micromapOf(micromaps[i]);
+        const VkDeviceAddress value = pool->valueAddress(first + i);
+        recordMicromapProperty(work, device.driver, micromap, compacted ? kQueryMicromapSize : kQueryMicromapSerialized,
+                               value);
+        sizes.push_back({micromap, value});
+    }
+    if (compacted)
+        recordCompactedSizes(device.structures.micromaps, commandBuffer, work, sizes);
     makeAvailable(work, device, commandBuffer, *pool, first, count);
 }
 
@@ -372,8 +379,7 @@ void cmdWriteAccelerationStructuresProperties(DeviceQueryPools &device, VkComman
         begin = end + 1;
     }
     work.barrier();
-    for (const Backend::Property &property : properties)
-        backend.recordCorrection(work, property);
+    backend.recordCorrections(commandBuffer, work, properties);
     makeAvailable(work, device, commandBuffer, *pool, first, count);
 }
 

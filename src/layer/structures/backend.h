@@ -4,6 +4,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "layer/micromaps/micromap_input.h"
@@ -57,8 +58,9 @@ public:
     virtual VkAccelerationStructureKHR driverHandle(AccelerationStructure &structure) = 0;
     // Records the driver's answer about a micromap.
     virtual void recordMicromapAnswer(VkCommandBuffer commandBuffer, const Property &property) = 0;
-    // Records the correction of the driver's answer.
-    virtual void recordCorrection(InjectedWork &work, const Property &property) = 0;
+    // Records the corrections of the driver's answers.
+    virtual void recordCorrections(VkCommandBuffer commandBuffer, InjectedWork &work,
+                                   std::span<const Property> properties) = 0;
 
     // --- both ---
     // The least size of the target of a clone, as far as the host knows.

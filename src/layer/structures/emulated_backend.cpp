@@ -93,22 +93,26 @@ VkAccelerationStructureKHR EmulatedBackend::driverHandle(AccelerationStructure &
     return exactSizeHandle(device_, structure);
 }
 
-void EmulatedBackend::recordCorrection(InjectedWork &work, const Property &property)
+void EmulatedBackend::recordCorrections(VkCommandBuffer commandBuffer, InjectedWork &work,
+                                        std::span<const Property> properties)
 {
-    if (!property.micromap)
-        return recordStructureProperty(work, device_, property);
-    switch (property.type) {
-    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR:
-        return recordMicromapProperty(work, device_.driver, micromapIn(property.structure), kQueryMicromapSerialized,
-                                      property.address);
-    // The size is that of a clone: VUID-VkCopyAccelerationStructureInfoKHR-mode-12418.
-    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR:
-    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR:
-        return recordMicromapProperty(work, device_.driver, micromapIn(property.structure),
-                                      kQueryMicromapCompacted | kQueryMarked, property.address);
-    default: // the bottom-level pointers of a top-level structure: the query was reset to none
-        return;
+    std::vector<CompactedSize> compacted;
+    for (const Property &property : properties) {
+        const Driver &driver = device_.driver;
+        const Micromap micromap = property.micromap ? micromapIn(property.structure) : Micromap{};
+        if (!property.micromap)
+            recordStructureProperty(work, device_, property);
+        else if (property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR)
+            recordMicromapProperty(work, driver, micromap, kQueryMicromapSerialized, property.address);
+        else if (property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR ||
+                 property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR)
+            recordMicromapProperty(work, driver, micromap, kQueryMicromapSize | kQueryMarked, property.address);
+        // The bottom-level pointers of a top-level structure have no other type: the query was reset to none.
+        if (property.micromap && property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR)
+            compacted.push_back({micromap, property.address, true});
     }
+    if (!compacted.empty())
+        recordCompactedSizes(device_.micromaps, commandBuffer, work, compacted);
 }
 
 } // namespace vellum::layer

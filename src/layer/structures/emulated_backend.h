@@ -39,7 +39,8 @@ public:
 
     VkAccelerationStructureKHR driverHandle(AccelerationStructure &structure) override;
     void recordMicromapAnswer(VkCommandBuffer, const Property &) override {}
-    void recordCorrection(InjectedWork &work, const Property &property) override;
+    void recordCorrections(VkCommandBuffer commandBuffer, InjectedWork &work,
+                           std::span<const Property> properties) override;
 
     // structure_copy.cpp
     [[nodiscard]] VkDeviceSize cloneBytes(const StructureCopy &copy) override;

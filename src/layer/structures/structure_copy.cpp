@@ -161,7 +161,8 @@ void EmulatedBackend::record(VkCommandBuffer commandBuffer, const StructureCopy 
     AccelerationStructure &source = *copy.source, &target = *copy.target;
     if (copy.isMicromap()) {
         becomeMicromap(device_.objects, target);
-        return recordMicromapCopy(device_.micromaps, commandBuffer, kCommand, micromapIn(source), micromapIn(target));
+        return recordMicromapCopy(device_.micromaps, commandBuffer, kCommand, micromapIn(source), micromapIn(target),
+                                  copy.compact);
     }
     const StructureDescriptor sourceDescriptor = descriptorOf(device_.objects, source);
     const StructureDescriptor targetDescriptor = descriptorOf(device_.objects, target);

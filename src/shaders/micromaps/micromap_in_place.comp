@@ -7,7 +7,6 @@
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"
-#include "micromap_data.glsl"
 
 // This many invocations process adjacent triangles, 64 bytes of them, and then the next ones: a CPU, whose vectors are
 // that short, reads memory in its order, and a GPU reads whole sectors.

@@ -6,6 +6,7 @@
 #include "shared.h"
 #include "curve.h"
 #include "records.h"
+#include "compaction.h"
 #include "push.h"
 #include "base/memory.glsl"
 #include "base/micromap_layout.glsl"
@@ -37,25 +38,6 @@ uint headerError(uvec2 header, out uvec2 bytes)
     return words.w[kMicromapHeaderMagic] != kMicromapMagic ? kGpuErrorMicromapNotBuilt : kNoError;
 }
 
-// A record that lookup can trust: itself, or unknown-opaque where it names data outside the micromap.
-uvec2 trusted(uvec2 record, uint units)
-{
-    const uint kind = record.x & kKindMask;
-    if (kind == kKindInline)
-        return record;
-    const bool far = kind == kKindFar;
-    const uint n = far ? record.x >> kUnitShift & kKindMask : kind - kKindData;
-    const uint unit = far ? record.y : record.x >> kUnitShift;
-    if (n < kDataKinds) {
-        const uint before = far ? (record.x >> kFarByteShift & kFarByteMask) * 8u : 0u;
-        const uint bits = before + (1u + (n & 1u) << 2u * (kCoarseLevel + 1u + (n >> 1u)));
-        const uint needed = (bits + kDataUnitBytes * 8u - 1u) / (kDataUnitBytes * 8u);
-        if (needed <= units && unit <= units - needed)
-            return record;
-    }
-    return uvec2(kKindInline, ~0u);
-}
-
 uint mode;
 
 void copyUnits(uvec2 from, uvec2 to, uint count, uint records, uint units)
@@ -67,7 +49,7 @@ void copyUnits(uvec2 from, uvec2 to, uint count, uint records, uint units)
          i += push.invocations) {
         uvec4 v = source.at[i];
         if (mode == kMoveDeserialize && i >= kMicromapHeaderUnits16 && i < kMicromapHeaderUnits16 + records)
-            v = uvec4(trusted(v.xy, units), trusted(v.zw, units));
+            v = uvec4(trustedRecord(v.xy, units), trustedRecord(v.zw, units));
         target.at[i] = v;
     }
 }
@@ -119,6 +101,10 @@ uint errorOfTarget(uvec2 bytes)
 
 void main()
 {
+    // A compaction has written the micromap, or failed.
+    if ((push.compaction.x | push.compaction.y) != 0u &&
+        Words(readable(push.compaction, push.micromap)).w[kCompactionOutcome] != kCompactionLeft)
+        return;
     mode = push.mode & ~(kMoveMarked | kMoveOnlyMicromaps);
     const uint me = gl_WorkGroupID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x + gl_GlobalInvocationID.x;
     const uvec2 header = mode == kMoveDeserialize ? addressPlus(push.serialized, kSerializedMicromapHeaderWords * 4u)

@@ -7,7 +7,6 @@
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"
-#include "micromap_data.glsl"
 
 // Turns the units of the blocks into those before each block, and writes the micromap's header. Sums saturate beyond the
 // capacity: data there is rejected, however far beyond it is.

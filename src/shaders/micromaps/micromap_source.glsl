@@ -12,7 +12,7 @@ layout(push_constant, std430) uniform Push
     MicromapPush push;
 };
 
-// Word 0 of the record of an invalid triangle, which is unknown-opaque. No later pass changes it.
+// Word 0 of the record of an invalid triangle, which is unknown-opaque.
 const uint kRejected = kKindInline | ~kKindMask;
 
 struct Source {
@@ -59,6 +59,31 @@ uint unitsOf(Source s)
     if (!s.valid || s.level <= kCoarseLevel)
         return 0u;
     return (sourceBytes(s.level, s.bitsPerState) + kDataUnitBytes - 1u) / kDataUnitBytes;
+}
+
+// The sixteen states of level 2 of a triangle of level 0 to 2, two bits each.
+uint coarseStates(Source s)
+{
+    const uint bits = s.bitsPerState << (2u * s.level);
+    uint x = loadBytes(addressPlus(push.data, s.dataOffset), bits + 7u >> 3u);
+    x = bits >= 32u ? x : x & ((1u << bits) - 1u);
+    if (s.bitsPerState == 1u) {
+        x = (x | x << 8u) & 0x00ff00ffu;
+        x = (x | x << 4u) & 0x0f0f0f0fu;
+        x = (x | x << 2u) & 0x33333333u;
+        x = (x | x << 1u) & 0x55555555u;
+    }
+    if (s.level == 0u)
+        return x * 0x55555555u;
+    if (s.level == 1u)
+        return ((x & 3u) | (x >> 2u & 3u) << 8u | (x >> 4u & 3u) << 16u | (x >> 6u & 3u) << 24u) * 0x55u;
+    return x;
+}
+
+// The record of a triangle without data units.
+uvec2 recordWithoutData(Source s)
+{
+    return s.valid ? uvec2(kKindInline, coarseStates(s)) : uvec2(kRejected, ~0u);
 }
 
 // The kind of a triangle's data, less kKindData: the low bits of word 0 of its record.
@@ -118,29 +143,6 @@ uvec2 sumsAddress()
 uvec2 partsAddress()
 {
     return elementAddress(sumsAddress(), blocks(), 4u);
-}
-
-uvec2 hashesAddress()
-{
-    return elementAddress(partsAddress(), push.partCapacity, 8u);
-}
-
-uvec2 slotsAddress()
-{
-    return elementAddress(hashesAddress(), push.triangleCount, 4u);
-}
-
-uvec2 tableAddress()
-{
-    return elementAddress(slotsAddress(), push.triangleCount, 4u);
-}
-
-// The triangle whose data a triangle uses where data is shared, once the tables are filled: the lowest of those with the same
-// data.
-uint ownerOf(uint triangle)
-{
-    const uint slot = Words(slotsAddress()).w[triangle];
-    return slot == kNoSlot ? triangle : Words(tableAddress()).w[slot] - 1u;
 }
 
 // Puts a triangle with so many units on the list of parts, which other invocations process. False if the list is full:
