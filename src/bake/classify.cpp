@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <cstdlib>
 #include <limits>
 #include <optional>
 
@@ -68,6 +69,74 @@ constexpr std::array<unsigned, 16> kBitsOf = {0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3
 constexpr int64_t kMostColumns = 1 << 15;
 
 } // namespace
+
+// The cells around a micro-triangle that it may touch, and those that surely lie within, whatever its place. Bits as
+// in CellMap::window(), of 64 columns each, one below the other.
+struct Stencil {
+    void make(const Placement &place, bool inverted);
+
+    Point origin; // of the first cell, rounded down, from the lattice point
+    size_t columns = 0;
+    size_t rows = 0;
+    std::vector<uint64_t> near;
+    std::vector<uint64_t> within;
+};
+
+void Stencil::make(const Placement &p, bool inverted)
+{
+    // Rounding down moves a cell by at most 1 in x and y: the middle of all that it can be is a whole number from the
+    // origin, and it is this far from there.
+    const double half = 1 + 4 * p.slack;
+    const double reachX = half + p.marginX;
+    const double reachY = half + p.marginY;
+    origin = {(inverted ? -p.high.x : p.low.x) - reachX, (inverted ? -p.high.y : p.low.y) - reachY};
+    columns = static_cast<size_t>(p.high.x - p.low.x + 2 * reachX) + 1;
+    rows = static_cast<size_t>(p.high.y - p.low.y + 2 * reachY) + 1;
+    const size_t words = (columns + 63) / 64;
+    near.assign(words * rows, 0);
+    within.assign(words * rows, 0);
+    // What lies on the inner sides of three lines is inside.
+    struct Line {
+        Point gradient;
+        double constant;
+    };
+    const double turn = inverted ? -1 : 1;
+    const Line lines[] = {{{turn * p.gradientI.x, turn * p.gradientI.y}, 0},
+                          {{turn * p.gradientJ.x, turn * p.gradientJ.y}, 0},
+                          {{-turn * p.gradientSum.x, -turn * p.gradientSum.y}, p.area}};
+    for (size_t row = 0; row < rows; ++row) {
+        const double y = origin.y + static_cast<double>(row);
+        const auto mark = [&](std::vector<uint64_t> &bits, double outX, double outY, double sign) {
+            double left = 0;
+            double right = static_cast<double>(columns - 1);
+            for (const Line &line : lines) {
+                const double reach = std::abs(line.gradient.x) * outX + std::abs(line.gradient.y) * outY + p.lineSlack;
+                const double rest = line.gradient.y * y + line.constant + sign * reach;
+                const double at = -rest / line.gradient.x - origin.x;
+                if (line.gradient.x > 0)
+                    left = std::max(left, at);
+                else if (line.gradient.x < 0)
+                    right = std::min(right, at);
+                else if (rest < 0)
+                    right = -1;
+            }
+            if (left > right)
+                return;
+            const auto first = static_cast<size_t>(std::ceil(left));
+            const auto last = static_cast<size_t>(right);
+            for (size_t word = first / 64; word <= last / 64; ++word) {
+                uint64_t &to = bits[word * rows + row];
+                to = ~uint64_t{0};
+                if (word == first / 64)
+                    to &= ~uint64_t{0} << (first % 64);
+                if (word == last / 64)
+                    to &= ~uint64_t{0} >> (63 - last % 64);
+            }
+        };
+        mark(near, reachX, reachY, 1);
+        mark(within, half, half, -1);
+    }
+}
 
 // One triangle on its path down the tree of sub-triangles, in the order of the curve.
 //
@@ -144,6 +213,8 @@ private:
             throw BakeCancelled();
     }
     void descendWide(const Node &node, uint32_t depth);
+    void search(const Node &node, uint32_t depth);
+    [[nodiscard]] bool isMixed(const SubTriangle &sub);
     void descend(const Frame &frame, const Node &node, uint32_t depth, size_t list, size_t count);
     bool list(const Node &node, Frame &frame);
     class Within;
@@ -173,6 +244,7 @@ private:
     Placement place_;
     PieceTest piece_;
     double leafCells_;    // in the box of a micro-triangle
+    std::array<Stencil, 2> stencils_; // of micro-triangles, where they are used; the second if inverted
     size_t deciding_ = 0; // so many cells of the list lie within a micro-triangle each
     std::optional<ExactTriangle> exact_;
     int side_ = -1; // of the part before on the curve: 1 opaque, 0 transparent, -1 unknown
@@ -192,6 +264,14 @@ void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
     // Cells beyond these read no other texels.
     if (place_.spansTexture(map_, node.sub) && !map_.anyMixedIn(0, map_.axisX().cells())) {
         uniform(node, depth);
+        return;
+    }
+    static const double from = std::getenv("FROM") ? std::atof(std::getenv("FROM")) : 300;
+    static const double to = std::getenv("TO") ? std::atof(std::getenv("TO")) : 65536;
+    if (leafCells_ >= from && leafCells_ <= to) {
+        stencils_[0].make(place_, false);
+        stencils_[1].make(place_, true);
+        search(node, depth);
         return;
     }
     Frame frame;
@@ -222,6 +302,58 @@ void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
     }
     side_ = -1;
     writeState(packed_, node.index, Format::FourState, guess(node.sub));
+}
+
+void Classifier::Walk::search(const Node &node, uint32_t depth)
+{
+    if (depth < level_) {
+        for (size_t child = 0; child < 4; ++child)
+            search(part(node, child), depth + 1);
+    } else if (isMixed(node.sub)) {
+        side_ = -1;
+        writeState(packed_, node.index, Format::FourState, guess(node.sub));
+    } else {
+        uniform(node, depth);
+    }
+}
+
+bool Classifier::Walk::isMixed(const SubTriangle &sub)
+{
+    const Stencil &stencil = stencils_[sub.size < 0 ? 1u : 0u];
+    const Point corner = place_.at(sub.i, sub.j);
+    const auto x = place_.baseX + static_cast<int64_t>(std::floor(corner.x + stencil.origin.x));
+    const auto y = place_.baseY + static_cast<int64_t>(std::floor(corner.y + stencil.origin.y));
+    std::array<uint64_t, 64> window;
+    for (size_t column = 0; column < stencil.columns; column += 64) {
+        for (size_t row = 0; row < stencil.rows; row += 64) {
+            const size_t rows = std::min<size_t>(64, stencil.rows - row);
+            const auto left = x + static_cast<int64_t>(column);
+            const auto top = y + static_cast<int64_t>(row);
+            if (!map_.window(left, top, std::min<size_t>(64, stencil.columns - column), rows, window.data()))
+                continue;
+            const uint64_t *near = &stencil.near[column / 64 * stencil.rows + row];
+            const uint64_t *within = &stencil.within[column / 64 * stencil.rows + row];
+            uint64_t any = 0;
+            for (size_t k = 0; k < rows; ++k)
+                any |= window[k] & within[k];
+            if (any != 0)
+                return true;
+            for (size_t k = 0; k < rows; ++k) {
+                for (uint64_t rest = window[k] & near[k]; rest != 0; rest &= rest - 1) {
+                    const Cell cell = map_.cell(left + std::countr_zero(rest), top + static_cast<int64_t>(k));
+                    Crossing crossing = Crossing::Open;
+                    if (texture_.filter == Filter::Bilinear) {
+                        NearCell values;
+                        piece_.setValues(values, cell);
+                        crossing = piece_.quick(cornerIn(sub, cell), sub.size < 0, values);
+                    }
+                    if (crossing == Crossing::Yes || (crossing == Crossing::Open && crosses(sub, cell)))
+                        return true;
+                }
+            }
+        }
+    }
+    return false;
 }
 
 // Which micro-triangles of a sub-triangle have a mixed cell that lies within, margins included: that one decides, and

@@ -6,7 +6,6 @@
 #include <string>
 
 #include "bake/option_ranges.h"
-#include "core/bit_cast.h"
 #include "core/curve.h"
 #include "core/hash.h"
 
@@ -115,14 +114,9 @@ void DistinctTriangles::add(const BakeInput &input, const BakeOptions &options)
         const Format format = input.formats.empty() ? options.format : input.formats[i];
         constexpr uint32_t kNoLevel = 255;
         const uint32_t level = input.levels.empty() ? kNoLevel : input.levels[i];
-        DistinctKey key{which, level << 8 | static_cast<uint32_t>(format), input.group, {}};
-        for (size_t k = 0; k < 3; ++k) {
-            key.uvs[2 * k] = bitCast<uint32_t>(uvs[k].u);
-            key.uvs[2 * k + 1] = bitCast<uint32_t>(uvs[k].v);
-        }
-        const uint64_t hash = hashBytes(&key, sizeof key);
-        size_t slot = hash & (slots_.size() - 1);
-        while (slots_[slot] != 0 && keys_[slots_[slot] - 1] != key)
+        const DistinctKey key{which, level << 8 | static_cast<uint32_t>(format), input.group, &uvs};
+        size_t slot = key.hash() & (slots_.size() - 1);
+        while (slots_[slot] != 0 && !(keys_[slots_[slot] - 1] == key))
             slot = (slot + 1) & (slots_.size() - 1);
         if (slots_[slot] == 0) {
             keys_.push_back(key);
@@ -131,8 +125,9 @@ void DistinctTriangles::add(const BakeInput &input, const BakeOptions &options)
                                  automatic, input.group, 0, 0});
             slots_[slot] = static_cast<uint32_t>(triangles.size());
         }
-        ++triangles[slots_[slot] - 1].uses;
-        triangles[slots_[slot] - 1].weight += input.weights.empty() ? 1 : input.weights[i];
+        Distinct &triangle = triangles[slots_[slot] - 1];
+        ++triangle.uses;
+        triangle.weight += input.weights.empty() ? 1 : input.weights[i];
         of.push_back(slots_[slot] - 1);
     }
 }

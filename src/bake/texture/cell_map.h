@@ -132,6 +132,9 @@ public:
         const Axis::Run row = axisY_.run(word.y, word.y);
         return place(word.column(k), word.y, word.stored + k, word.mirrored, rowsOf(row));
     }
+    // Writes the mixed cells of a window: bit k of to[row] says whether cell (x + k, y + row) is one. Bits from `columns`
+    // on, at most 64, can be any. Returns false where all are 0.
+    bool window(int64_t x, int64_t y, size_t columns, size_t rows, uint64_t *to) const;
     // Returns false where no cell of the columns from `first` to `last` is mixed. Reads all their texels: for what
     // covers all rows.
     [[nodiscard]] bool anyMixedIn(int64_t first, int64_t last) const;
@@ -144,9 +147,10 @@ private:
         std::array<uint64_t, kTile> mixed;
         uint64_t mixedColumns; // a bit for each column with a mixed cell
 
-        // `rows`: of texels, one more than of cells. `cells`: the columns that exist. read(row): a row's RowBits.
+        // `rows`: of texels, one more than of cells; no cell above the row `first` is mixed. `cells`: the columns that
+        // exist. read(row): a row's RowBits.
         template <typename Read>
-        void make(std::span<const int32_t> rows, uint64_t cells, Read &&read);
+        void make(std::span<const int32_t> rows, size_t first, uint64_t cells, Read &&read);
     };
     static const Tile kUniform; // without a mixed cell
     // An interval of codes.
@@ -188,6 +192,7 @@ private:
         const Tile *tile = tiles_[row * tileColumns_ + column].load(std::memory_order_acquire);
         return tile != nullptr ? *tile : makeTile(column, row);
     }
+    bool addBlock(const Axis::Run &across, const Axis::Run &down, int64_t offset, uint64_t *to) const;
     const Tile &makeTile(size_t column, size_t row) const;
     [[nodiscard]] RowBits readValues(const Columns &columns, int64_t row) const;
     // Calls `sink` with words of the bits from `first` to `last`, unless they are 0, the position and the stored column
