@@ -333,11 +333,16 @@ bool Classifier::Walk::isMixed(const SubTriangle &sub)
                 continue;
             const uint64_t *near = &stencil.near[column / 64 * stencil.rows + row];
             const uint64_t *within = &stencil.within[column / 64 * stencil.rows + row];
-            uint64_t any = 0;
-            for (size_t k = 0; k < rows; ++k)
-                any |= window[k] & within[k];
-            if (any != 0)
+            uint64_t anyNear = 0;
+            uint64_t anyWithin = 0;
+            for (size_t k = 0; k < rows; ++k) {
+                anyNear |= window[k] & near[k];
+                anyWithin |= window[k] & within[k];
+            }
+            if (anyWithin != 0)
                 return true;
+            if (anyNear == 0)
+                continue;
             for (size_t k = 0; k < rows; ++k) {
                 for (uint64_t rest = window[k] & near[k]; rest != 0; rest &= rest - 1) {
                     const Cell cell = map_.cell(left + std::countr_zero(rest), top + static_cast<int64_t>(k));
@@ -771,21 +776,32 @@ State Classifier::Walk::guess(const SubTriangle &sub) const
     const size_t right = texture_.pixelStride();
     const size_t below = texture_.rowStride();
     const uint8_t *codes = texture_.codes.first;
-    const auto texelsOf = [&](int64_t column, int64_t row) -> std::array<float, 4> {
-        if (inside) {
-            const size_t at = static_cast<size_t>(y0 + row) * below + static_cast<size_t>(x0 + column) * right;
-            const auto four = [&](auto &&value) {
-                return std::array<float, 4>{value(at), value(at + right), value(at + below), value(at + below + right)};
+    const size_t origin = inside ? texture_.place(static_cast<size_t>(x0), static_cast<size_t>(y0)) : 0;
+    // The texels f00, f10, f01 and f11 of four samples.
+    const auto texelsAt = [&](const std::array<float, 4> &columnOf, const std::array<float, 4> &rowOf) {
+        const auto read = [&](auto &&texel, size_t firstAt, size_t toRight, size_t toBelow) {
+            std::array<size_t, 4> at;
+            for (size_t k = 0; k < 4; ++k)
+                at[k] = firstAt + static_cast<size_t>(static_cast<int64_t>(rowOf[k])) * toBelow +
+                        static_cast<size_t>(static_cast<int64_t>(columnOf[k])) * toRight;
+            const auto four = [&](size_t apart) {
+                return Float4(texel(at[0] + apart), texel(at[1] + apart), texel(at[2] + apart), texel(at[3] + apart));
             };
-            return codes != nullptr ? four([&](size_t place) { return texture_.codes.values[codes[place]]; })
-                                    : four([&](size_t place) { return texture_.alpha[place]; });
-        }
-        if (copied) {
-            const float *at = &copy[static_cast<size_t>(row) * kPitch + static_cast<size_t>(column)];
-            return {at[0], at[1], at[kPitch], at[kPitch + 1]};
-        }
-        const Cell cell = map_.cell(x0 + column, y0 + row);
-        return {cell.f00, cell.f10, cell.f01, cell.f11};
+            return std::array<Float4, 4>{four(0), four(toRight), four(toBelow), four(toBelow + toRight)};
+        };
+        if (inside && codes != nullptr)
+            return read([&](size_t place) { return texture_.codes.values[codes[place]]; }, origin, right, below);
+        if (inside)
+            return read([&](size_t place) { return texture_.alpha[place]; }, origin, right, below);
+        if (copied)
+            return read([&](size_t place) { return copy[place]; }, 0, 1, kPitch);
+        std::array<Cell, 4> cells;
+        for (size_t k = 0; k < 4; ++k)
+            cells[k] = map_.cell(x0 + static_cast<int64_t>(columnOf[k]), y0 + static_cast<int64_t>(rowOf[k]));
+        const auto four = [&](float Cell::*texel) {
+            return Float4(cells[0].*texel, cells[1].*texel, cells[2].*texel, cells[3].*texel);
+        };
+        return std::array<Float4, 4>{four(&Cell::f00), four(&Cell::f10), four(&Cell::f01), four(&Cell::f11)};
     };
     unsigned opaque = 0;
     for (size_t n = 0; n < kSampleI.size(); n += 4) {
@@ -803,18 +819,12 @@ State Classifier::Walk::guess(const SubTriangle &sub) const
         std::array<float, 4> rowOf;
         column.store(columnOf.data());
         row.store(rowOf.data());
-        std::array<std::array<float, 4>, 4> texels; // f00, f10, f01, f11 of four samples
-        for (size_t k = 0; k < 4; ++k) {
-            const auto of = texelsOf(static_cast<int64_t>(columnOf[k]), static_cast<int64_t>(rowOf[k]));
-            for (size_t texel = 0; texel < 4; ++texel)
-                texels[texel][k] = of[texel];
-        }
-        const auto load = [](const std::array<float, 4> &v) { return Float4::load(v.data()); };
+        const std::array<Float4, 4> texels = texelsAt(columnOf, rowOf);
         const auto weight = [&](Float4 at) { return nearest ? selectBelow(at, Float4(0.5f), zero, one) : at; };
         const Float4 a = weight(x - column);
         const Float4 b = weight(y - row);
-        const Float4 value = (load(texels[0]) * (one - a) + load(texels[1]) * a) * (one - b) +
-                             (load(texels[2]) * (one - a) + load(texels[3]) * a) * b;
+        const Float4 value = (texels[0] * (one - a) + texels[1] * a) * (one - b) +
+                             (texels[2] * (one - a) + texels[3] * a) * b;
         opaque += kBitsOf[atLeast(value, Float4(toFloat(cutoff_)))];
     }
     return 2 * opaque >= kSampleI.size() ? State::UnknownOpaque : State::UnknownTransparent;

@@ -115,21 +115,30 @@ void DistinctTriangles::add(const BakeInput &input, const BakeOptions &options)
         constexpr uint32_t kNoLevel = 255;
         const uint32_t level = input.levels.empty() ? kNoLevel : input.levels[i];
         const DistinctKey key{which, level << 8 | static_cast<uint32_t>(format), input.group, &uvs};
-        size_t slot = key.hash() & (slots_.size() - 1);
-        while (slots_[slot] != 0 && !(keys_[slots_[slot] - 1] == key))
-            slot = (slot + 1) & (slots_.size() - 1);
-        if (slots_[slot] == 0) {
+        // Cards repeat their two triangles.
+        const size_t before = of.size();
+        uint32_t found = before >= 2 && keys_[of[before - 2]] == key ? of[before - 2] : find(key);
+        if (found == keys_.size()) {
             keys_.push_back(key);
             const bool automatic = level == kNoLevel && !options.level;
             triangles.push_back({&material, &uvs, level == kNoLevel ? material.levelFor(uvs) : level, 0, format,
                                  automatic, input.group, 0, 0});
-            slots_[slot] = static_cast<uint32_t>(triangles.size());
         }
-        Distinct &triangle = triangles[slots_[slot] - 1];
+        Distinct &triangle = triangles[found];
         ++triangle.uses;
         triangle.weight += input.weights.empty() ? 1 : input.weights[i];
-        of.push_back(slots_[slot] - 1);
+        of.push_back(found);
     }
+}
+
+uint32_t DistinctTriangles::find(const DistinctKey &key)
+{
+    size_t slot = key.hash() & (slots_.size() - 1);
+    while (slots_[slot] != 0 && !(keys_[slots_[slot] - 1] == key))
+        slot = (slot + 1) & (slots_.size() - 1);
+    if (slots_[slot] == 0)
+        slots_[slot] = static_cast<uint32_t>(keys_.size()) + 1;
+    return slots_[slot] - 1;
 }
 
 bool isTooLittle(uint64_t known, uint32_t level, Format format, const BakeOptions &options)

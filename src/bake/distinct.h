@@ -132,6 +132,8 @@ public:
 private:
     uint32_t materialOf(const BakeInput &input, const BakeOptions &options);
     void add(const BakeInput &input, const BakeOptions &options);
+    // The triangle with this key, or the next one.
+    uint32_t find(const DistinctKey &key);
 
     std::vector<std::unique_ptr<BakeMaterial>> materials_;
     std::map<BakeMaterial::Key, uint32_t> materialOf_;

@@ -311,27 +311,31 @@ bool CellMap::addBlock(const Axis::Run &across, const Axis::Run &down, int64_t o
     for (int64_t n = 0; n < down.count;) {
         const int64_t row = down.first + n * down.step;
         const int64_t at = row % kTile;
-        const int64_t end =
-            std::min(down.count, n + (down.step == 0 ? down.count : down.step < 0 ? at + 1 : kTile - at));
+        // As far as the tiles reach.
+        const int64_t most = down.step == 0 ? down.count : down.step < 0 ? at + 1 : kTile - at;
+        const auto count = static_cast<size_t>(std::min(down.count - n, most));
         const auto tileRow = static_cast<size_t>(row / kTile);
         const Tile &left = tile(column, tileRow);
         const Tile &beside = shift + wanted > kTile ? tile(column + 1, tileRow) : kUniform;
-        if (&left == &kUniform && &beside == &kUniform) {
-            n = end;
+        uint64_t *const bits = to + n;
+        n += static_cast<int64_t>(count);
+        if (&left == &kUniform && &beside == &kUniform)
             continue;
-        }
         any = true;
-        const auto bits = [&](int64_t stored) {
-            const auto k = static_cast<size_t>(stored);
-            return (left.mixed[k] >> shift | beside.mixed[k] << 1 << (kTile - 1 - shift)) & mask;
+        const uint64_t *const lefts = &left.mixed[static_cast<size_t>(at)];
+        const uint64_t *const besides = &beside.mixed[static_cast<size_t>(at)];
+        const auto stored = [=](int64_t k) {
+            return (lefts[k] >> shift | besides[k] << 1 << (kSide - 1 - shift)) & mask;
         };
         if (across.step > 0 && down.step > 0) {
-            for (int64_t k = at; n < end; ++n, ++k)
-                to[n] |= bits(k) << offset;
-        } else {
-            for (int64_t k = at; n < end; ++n, k += down.step)
-                for (int64_t c = 0; c < across.count; ++c)
-                    to[n] |= (bits(k) >> (across.step < 0 ? across.count - 1 - c : c * across.step) & 1) << (offset + c);
+            for (size_t k = 0; k < count; ++k)
+                bits[k] |= ((lefts[k] >> shift | besides[k] << 1 << (kSide - 1 - shift)) & mask) << offset;
+            continue;
+        }
+        for (size_t k = 0; k < count; ++k) {
+            const uint64_t word = stored(static_cast<int64_t>(k) * down.step);
+            for (int64_t c = 0; c < across.count; ++c)
+                bits[k] |= (word >> (across.step < 0 ? across.count - 1 - c : c * across.step) & 1) << (offset + c);
         }
     }
     return any;
