@@ -213,8 +213,8 @@ private:
             throw BakeCancelled();
     }
     void descendWide(const Node &node, uint32_t depth);
-    void search(const Node &node, uint32_t depth);
-    [[nodiscard]] bool isMixed(const SubTriangle &sub);
+    void search(const Node &node, uint32_t depth, bool windowed);
+    [[nodiscard]] bool isMixed(const SubTriangle &sub, bool windowed);
     void descend(const Frame &frame, const Node &node, uint32_t depth, size_t list, size_t count);
     bool list(const Node &node, Frame &frame);
     class Within;
@@ -245,6 +245,12 @@ private:
     PieceTest piece_;
     double leafCells_;    // in the box of a micro-triangle
     std::array<Stencil, 2> stencils_; // of micro-triangles, where they are used; the second if inverted
+    // Mixed cells around the sub-triangle that is searched.
+    struct Window {
+        int64_t x, y;
+        std::array<uint64_t, 64> rows;
+    };
+    Window window_;
     size_t deciding_ = 0; // so many cells of the list lie within a micro-triangle each
     std::optional<ExactTriangle> exact_;
     int side_ = -1; // of the part before on the curve: 1 opaque, 0 transparent, -1 unknown
@@ -271,7 +277,7 @@ void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
     if (leafCells_ >= from && leafCells_ <= to) {
         stencils_[0].make(place_, false);
         stencils_[1].make(place_, true);
-        search(node, depth);
+        search(node, depth, false);
         return;
     }
     Frame frame;
@@ -304,12 +310,29 @@ void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
     writeState(packed_, node.index, Format::FourState, guess(node.sub));
 }
 
-void Classifier::Walk::search(const Node &node, uint32_t depth)
+void Classifier::Walk::search(const Node &node, uint32_t depth, bool windowed)
 {
     if (depth < level_) {
+        const Stencil &stencil = stencils_[node.sub.size < 0 ? 1u : 0u];
+        const double more = std::abs(node.sub.size) - 1;
+        const double width = static_cast<double>(stencil.columns) + (place_.high.x - place_.low.x) * more + 2;
+        const double height = static_cast<double>(stencil.rows) + (place_.high.y - place_.low.y) * more + 2;
+        if (!windowed && width <= 64 && height <= 64) {
+            const Point corner = place_.at(node.sub.i, node.sub.j);
+            const Point &low = node.sub.size < 0 ? place_.high : place_.low;
+            const double turn = node.sub.size < 0 ? -more : more;
+            const Point origin{corner.x + low.x * turn + stencil.origin.x - 4 * place_.slack, corner.y + low.y * turn + stencil.origin.y - 4 * place_.slack};
+            window_.x = place_.baseX + static_cast<int64_t>(std::floor(origin.x));
+            window_.y = place_.baseY + static_cast<int64_t>(std::floor(origin.y));
+            windowed = true;
+            if (!map_.window(window_.x, window_.y, static_cast<size_t>(width), static_cast<size_t>(height), window_.rows.data())) {
+                uniform(node, depth);
+                return;
+            }
+        }
         for (size_t child = 0; child < 4; ++child)
-            search(part(node, child), depth + 1);
-    } else if (isMixed(node.sub)) {
+            search(part(node, child), depth + 1, windowed);
+    } else if (isMixed(node.sub, windowed)) {
         side_ = -1;
         writeState(packed_, node.index, Format::FourState, guess(node.sub));
     } else {
@@ -317,7 +340,7 @@ void Classifier::Walk::search(const Node &node, uint32_t depth)
     }
 }
 
-bool Classifier::Walk::isMixed(const SubTriangle &sub)
+bool Classifier::Walk::isMixed(const SubTriangle &sub, bool windowed)
 {
     const Stencil &stencil = stencils_[sub.size < 0 ? 1u : 0u];
     const Point corner = place_.at(sub.i, sub.j);
@@ -329,8 +352,14 @@ bool Classifier::Walk::isMixed(const SubTriangle &sub)
             const size_t rows = std::min<size_t>(64, stencil.rows - row);
             const auto left = x + static_cast<int64_t>(column);
             const auto top = y + static_cast<int64_t>(row);
-            if (!map_.window(left, top, std::min<size_t>(64, stencil.columns - column), rows, window.data()))
+            if (windowed) {
+                const uint64_t *from = &window_.rows[static_cast<size_t>(top - window_.y)];
+                const auto shift = static_cast<unsigned>(left - window_.x);
+                for (size_t k = 0; k < rows; ++k)
+                    window[k] = from[k] >> shift;
+            } else if (!map_.window(left, top, std::min<size_t>(64, stencil.columns - column), rows, window.data())) {
                 continue;
+            }
             const uint64_t *near = &stencil.near[column / 64 * stencil.rows + row];
             const uint64_t *within = &stencil.within[column / 64 * stencil.rows + row];
             uint64_t anyNear = 0;
@@ -345,12 +374,18 @@ bool Classifier::Walk::isMixed(const SubTriangle &sub)
                 continue;
             for (size_t k = 0; k < rows; ++k) {
                 for (uint64_t rest = window[k] & near[k]; rest != 0; rest &= rest - 1) {
-                    const Cell cell = map_.cell(left + std::countr_zero(rest), top + static_cast<int64_t>(k));
+                    const int64_t cellX = left + std::countr_zero(rest);
+                    const int64_t cellY = top + static_cast<int64_t>(k);
+                    const Point seen{corner.x - static_cast<double>(cellX - place_.baseX),
+                                     corner.y - static_cast<double>(cellY - place_.baseY)};
+                    if (!piece_.touches(seen, sub.size < 0))
+                        continue;
+                    const Cell cell = map_.cell(cellX, cellY);
                     Crossing crossing = Crossing::Open;
                     if (texture_.filter == Filter::Bilinear) {
                         NearCell values;
                         piece_.setValues(values, cell);
-                        crossing = piece_.quick(cornerIn(sub, cell), sub.size < 0, values);
+                        crossing = piece_.quick(seen, sub.size < 0, values);
                     }
                     if (crossing == Crossing::Yes || (crossing == Crossing::Open && crosses(sub, cell)))
                         return true;
