@@ -6,7 +6,6 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
-#include <cstdlib>
 #include <limits>
 #include <optional>
 
@@ -23,13 +22,12 @@ namespace
 
 // A sub-triangle with a box of more cells than this is divided before its cells are listed,
 constexpr double kMostCells = 65536;
-// or than this, if it has no more levels than that below it: then most cells need not be listed,
-constexpr double kMostCellsOfFew = 1 << 21;
-constexpr uint32_t kFewLevels = 5;
 // or if it has more to list than this.
 constexpr size_t kMostListed = 1 << 15;
-// Of a micro-triangle with a box of more cells than this none are listed: one that decides is soon found.
-constexpr double kMostLeafCells = 2048;
+// With boxes of at least so many cells, micro-triangles are compared with the bits of the cells instead,
+constexpr double kLeastStencil = 80;
+// and with boxes of more than this they are visited row by row: a cell that decides is soon found.
+constexpr double kMostStencil = 65536;
 
 void fill(uint8_t *packed, uint32_t first, uint32_t count, State state)
 {
@@ -69,74 +67,6 @@ constexpr std::array<unsigned, 16> kBitsOf = {0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3
 constexpr int64_t kMostColumns = 1 << 15;
 
 } // namespace
-
-// The cells around a micro-triangle that it may touch, and those that surely lie within, whatever its place. Bits as
-// in CellMap::window(), of 64 columns each, one below the other.
-struct Stencil {
-    void make(const Placement &place, bool inverted);
-
-    Point origin; // of the first cell, rounded down, from the lattice point
-    size_t columns = 0;
-    size_t rows = 0;
-    std::vector<uint64_t> near;
-    std::vector<uint64_t> within;
-};
-
-void Stencil::make(const Placement &p, bool inverted)
-{
-    // Rounding down moves a cell by at most 1 in x and y: the middle of all that it can be is a whole number from the
-    // origin, and it is this far from there.
-    const double half = 1 + 4 * p.slack;
-    const double reachX = half + p.marginX;
-    const double reachY = half + p.marginY;
-    origin = {(inverted ? -p.high.x : p.low.x) - reachX, (inverted ? -p.high.y : p.low.y) - reachY};
-    columns = static_cast<size_t>(p.high.x - p.low.x + 2 * reachX) + 1;
-    rows = static_cast<size_t>(p.high.y - p.low.y + 2 * reachY) + 1;
-    const size_t words = (columns + 63) / 64;
-    near.assign(words * rows, 0);
-    within.assign(words * rows, 0);
-    // What lies on the inner sides of three lines is inside.
-    struct Line {
-        Point gradient;
-        double constant;
-    };
-    const double turn = inverted ? -1 : 1;
-    const Line lines[] = {{{turn * p.gradientI.x, turn * p.gradientI.y}, 0},
-                          {{turn * p.gradientJ.x, turn * p.gradientJ.y}, 0},
-                          {{-turn * p.gradientSum.x, -turn * p.gradientSum.y}, p.area}};
-    for (size_t row = 0; row < rows; ++row) {
-        const double y = origin.y + static_cast<double>(row);
-        const auto mark = [&](std::vector<uint64_t> &bits, double outX, double outY, double sign) {
-            double left = 0;
-            double right = static_cast<double>(columns - 1);
-            for (const Line &line : lines) {
-                const double reach = std::abs(line.gradient.x) * outX + std::abs(line.gradient.y) * outY + p.lineSlack;
-                const double rest = line.gradient.y * y + line.constant + sign * reach;
-                const double at = -rest / line.gradient.x - origin.x;
-                if (line.gradient.x > 0)
-                    left = std::max(left, at);
-                else if (line.gradient.x < 0)
-                    right = std::min(right, at);
-                else if (rest < 0)
-                    right = -1;
-            }
-            if (left > right)
-                return;
-            const auto first = static_cast<size_t>(std::ceil(left));
-            const auto last = static_cast<size_t>(right);
-            for (size_t word = first / 64; word <= last / 64; ++word) {
-                uint64_t &to = bits[word * rows + row];
-                to = ~uint64_t{0};
-                if (word == first / 64)
-                    to &= ~uint64_t{0} << (first % 64);
-                if (word == last / 64)
-                    to &= ~uint64_t{0} >> (63 - last % 64);
-            }
-        };
-        mark(near, reachX, reachY, 1);
-        mark(within, half, half, -1);
-    }
-}
 
 // One triangle on its path down the tree of sub-triangles, in the order of the curve.
 //
@@ -213,21 +143,24 @@ private:
             throw BakeCancelled();
     }
     void descendWide(const Node &node, uint32_t depth);
-    void search(const Node &node, uint32_t depth, bool windowed);
-    [[nodiscard]] bool isMixed(const SubTriangle &sub, bool windowed);
+    struct Window;
+    void search(const Node &node, uint32_t depth, const Window *around);
+    bool isMixed(const SubTriangle &sub, const Window *around);
+    bool crossesAt(const SubTriangle &sub, int64_t x, int64_t y);
     void descend(const Frame &frame, const Node &node, uint32_t depth, size_t list, size_t count);
     bool list(const Node &node, Frame &frame);
-    class Within;
     struct Parts;
     void uniform(const Node &node, uint32_t depth);
     void leaf(const Node &node, size_t list, size_t count);
     // The lattice point of a micro-triangle, seen from a cell.
-    [[nodiscard]] Point cornerIn(const SubTriangle &sub, const Cell &cell) const
+    [[nodiscard]] Point cornerIn(const SubTriangle &sub, int64_t x, int64_t y) const
     {
         const Point corner = place_.at(sub.i, sub.j);
-        return {corner.x - static_cast<double>(cell.x - place_.baseX),
-                corner.y - static_cast<double>(cell.y - place_.baseY)};
+        return {corner.x - static_cast<double>(x - place_.baseX), corner.y - static_cast<double>(y - place_.baseY)};
     }
+    // The cell of a local coordinate.
+    static int64_t cellAt(int64_t base, double local) { return base + static_cast<int64_t>(std::floor(local)); }
+    bool crosses(const SubTriangle &sub, const Cell &cell, const NearCell &near);
     bool crosses(const SubTriangle &sub, const Cell &cell);
     int sideOf(const SubTriangle &sub);
     State guess(const SubTriangle &sub) const;
@@ -243,15 +176,7 @@ private:
     ClassifierScratch &scratch_;
     Placement place_;
     PieceTest piece_;
-    double leafCells_;    // in the box of a micro-triangle
-    std::array<Stencil, 2> stencils_; // of micro-triangles, where they are used; the second if inverted
-    // Mixed cells around the sub-triangle that is searched.
-    struct Window {
-        int64_t x, y;
-        std::array<uint64_t, 64> rows;
-    };
-    Window window_;
-    size_t deciding_ = 0; // so many cells of the list lie within a micro-triangle each
+    double leafCells_; // in the box of a micro-triangle
     std::optional<ExactTriangle> exact_;
     int side_ = -1; // of the part before on the curve: 1 opaque, 0 transparent, -1 unknown
 };
@@ -272,17 +197,14 @@ void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
         uniform(node, depth);
         return;
     }
-    static const double from = std::getenv("FROM") ? std::atof(std::getenv("FROM")) : 300;
-    static const double to = std::getenv("TO") ? std::atof(std::getenv("TO")) : 65536;
-    if (leafCells_ >= from && leafCells_ <= to) {
-        stencils_[0].make(place_, false);
-        stencils_[1].make(place_, true);
-        search(node, depth, false);
+    if (leafCells_ >= kLeastStencil && leafCells_ <= kMostStencil) {
+        for (const size_t inverted : {0u, 1u})
+            scratch_.stencils[inverted].make(place_, inverted != 0);
+        search(node, depth, nullptr);
         return;
     }
     Frame frame;
-    const double most = level_ - depth <= kFewLevels ? kMostCellsOfFew : kMostCells;
-    if (place_.boxCells(node.sub) <= most && leafCells_ <= kMostLeafCells && list(node, frame)) {
+    if (leafCells_ < kLeastStencil && place_.boxCells(node.sub) <= kMostCells && list(node, frame)) {
         const size_t count = scratch_.cells.size();
         scratch_.lists.resize(count);
         for (size_t i = 0; i < count; ++i)
@@ -310,178 +232,95 @@ void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
     writeState(packed_, node.index, Format::FourState, guess(node.sub));
 }
 
-void Classifier::Walk::search(const Node &node, uint32_t depth, bool windowed)
+// Bits of the mixed cells around a sub-triangle.
+struct Classifier::Walk::Window {
+    int64_t x, y;
+    std::array<uint64_t, CellMap::kTile> rows;
+};
+
+// Classifies micro-triangles by stencils. `around`: a window that has all their cells, if there is one.
+void Classifier::Walk::search(const Node &node, uint32_t depth, const Window *around)
 {
-    if (depth < level_) {
-        const Stencil &stencil = stencils_[node.sub.size < 0 ? 1u : 0u];
-        const double more = std::abs(node.sub.size) - 1;
-        const double width = static_cast<double>(stencil.columns) + (place_.high.x - place_.low.x) * more + 2;
-        const double height = static_cast<double>(stencil.rows) + (place_.high.y - place_.low.y) * more + 2;
-        if (!windowed && width <= 64 && height <= 64) {
+    if (depth == level_) {
+        if (!isMixed(node.sub, around)) {
+            uniform(node, depth);
+            return;
+        }
+        side_ = -1;
+        writeState(packed_, node.index, Format::FourState, guess(node.sub));
+        return;
+    }
+    if (level_ - depth > kLevelsBetweenPolls)
+        poll();
+    Window window;
+    if (around == nullptr) {
+        // Its size is that of a stencil, and how far it moves.
+        const bool inverted = node.sub.size < 0;
+        const Stencil &stencil = scratch_.stencils[inverted ? 1 : 0];
+        const double steps = std::abs(static_cast<double>(node.sub.size)) - 1;
+        const double width = (place_.high.x - place_.low.x) * steps + 2 + static_cast<double>(stencil.columns);
+        const double height = (place_.high.y - place_.low.y) * steps + 2 + static_cast<double>(stencil.rows);
+        if (width <= CellMap::kTile && height <= CellMap::kTile) {
             const Point corner = place_.at(node.sub.i, node.sub.j);
-            const Point &low = node.sub.size < 0 ? place_.high : place_.low;
-            const double turn = node.sub.size < 0 ? -more : more;
-            const Point origin{corner.x + low.x * turn + stencil.origin.x - 4 * place_.slack, corner.y + low.y * turn + stencil.origin.y - 4 * place_.slack};
-            window_.x = place_.baseX + static_cast<int64_t>(std::floor(origin.x));
-            window_.y = place_.baseY + static_cast<int64_t>(std::floor(origin.y));
-            windowed = true;
-            if (!map_.window(window_.x, window_.y, static_cast<size_t>(width), static_cast<size_t>(height), window_.rows.data())) {
+            const Point first = inverted ? Point{-place_.high.x, -place_.high.y} : place_.low;
+            const double more = 8 * place_.slack;
+            window.x = cellAt(place_.baseX, corner.x + first.x * steps + stencil.origin.x - more);
+            window.y = cellAt(place_.baseY, corner.y + first.y * steps + stencil.origin.y - more);
+            if (!map_.window(window.x, window.y, static_cast<size_t>(width), static_cast<size_t>(height),
+                             window.rows.data())) {
                 uniform(node, depth);
                 return;
             }
+            around = &window;
         }
-        for (size_t child = 0; child < 4; ++child)
-            search(part(node, child), depth + 1, windowed);
-    } else if (isMixed(node.sub, windowed)) {
-        side_ = -1;
-        writeState(packed_, node.index, Format::FourState, guess(node.sub));
-    } else {
-        uniform(node, depth);
     }
+    for (size_t child = 0; child < 4; ++child)
+        search(part(node, child), depth + 1, around);
 }
 
-bool Classifier::Walk::isMixed(const SubTriangle &sub, bool windowed)
+bool Classifier::Walk::isMixed(const SubTriangle &sub, const Window *around)
 {
-    const Stencil &stencil = stencils_[sub.size < 0 ? 1u : 0u];
+    constexpr auto kTile = static_cast<size_t>(CellMap::kTile);
+    const bool inverted = sub.size < 0;
+    const Stencil &stencil = scratch_.stencils[inverted ? 1 : 0];
     const Point corner = place_.at(sub.i, sub.j);
-    const auto x = place_.baseX + static_cast<int64_t>(std::floor(corner.x + stencil.origin.x));
-    const auto y = place_.baseY + static_cast<int64_t>(std::floor(corner.y + stencil.origin.y));
-    std::array<uint64_t, 64> window;
-    for (size_t column = 0; column < stencil.columns; column += 64) {
-        for (size_t row = 0; row < stencil.rows; row += 64) {
-            const size_t rows = std::min<size_t>(64, stencil.rows - row);
-            const auto left = x + static_cast<int64_t>(column);
-            const auto top = y + static_cast<int64_t>(row);
-            if (windowed) {
-                const uint64_t *from = &window_.rows[static_cast<size_t>(top - window_.y)];
-                const auto shift = static_cast<unsigned>(left - window_.x);
+    const int64_t x = cellAt(place_.baseX, corner.x + stencil.origin.x);
+    const int64_t y = cellAt(place_.baseY, corner.y + stencil.origin.y);
+    for (size_t column = 0; column < stencil.columns; column += kTile)
+        for (size_t row = 0; row < stencil.rows; row += kTile) {
+            const int64_t left = x + static_cast<int64_t>(column);
+            const int64_t top = y + static_cast<int64_t>(row);
+            const size_t rows = std::min(kTile, stencil.rows - row);
+            const uint64_t *touched = &stencil.touched[column / kTile * stencil.rows + row];
+            const uint64_t *within = &stencil.within[column / kTile * stencil.rows + row];
+            if (std::all_of(touched, touched + rows, [](uint64_t bits) { return bits == 0; }))
+                continue;
+            std::array<uint64_t, kTile> mixed;
+            if (around != nullptr) {
+                const uint64_t *from = &around->rows[static_cast<size_t>(top - around->y)];
                 for (size_t k = 0; k < rows; ++k)
-                    window[k] = from[k] >> shift;
-            } else if (!map_.window(left, top, std::min<size_t>(64, stencil.columns - column), rows, window.data())) {
+                    mixed[k] = from[k] >> (left - around->x);
+            } else if (!map_.window(left, top, std::min(kTile, stencil.columns - column), rows, mixed.data())) {
                 continue;
             }
-            const uint64_t *near = &stencil.near[column / 64 * stencil.rows + row];
-            const uint64_t *within = &stencil.within[column / 64 * stencil.rows + row];
-            uint64_t anyNear = 0;
+            uint64_t anyTouched = 0;
             uint64_t anyWithin = 0;
             for (size_t k = 0; k < rows; ++k) {
-                anyNear |= window[k] & near[k];
-                anyWithin |= window[k] & within[k];
+                anyTouched |= mixed[k] & touched[k];
+                anyWithin |= mixed[k] & within[k];
             }
+            // All its texels lie in the micro-triangle, and they are on both sides.
             if (anyWithin != 0)
                 return true;
-            if (anyNear == 0)
+            if (anyTouched == 0)
                 continue;
-            for (size_t k = 0; k < rows; ++k) {
-                for (uint64_t rest = window[k] & near[k]; rest != 0; rest &= rest - 1) {
-                    const int64_t cellX = left + std::countr_zero(rest);
-                    const int64_t cellY = top + static_cast<int64_t>(k);
-                    const Point seen{corner.x - static_cast<double>(cellX - place_.baseX),
-                                     corner.y - static_cast<double>(cellY - place_.baseY)};
-                    if (!piece_.touches(seen, sub.size < 0))
-                        continue;
-                    const Cell cell = map_.cell(cellX, cellY);
-                    Crossing crossing = Crossing::Open;
-                    if (texture_.filter == Filter::Bilinear) {
-                        NearCell values;
-                        piece_.setValues(values, cell);
-                        crossing = piece_.quick(seen, sub.size < 0, values);
-                    }
-                    if (crossing == Crossing::Yes || (crossing == Crossing::Open && crosses(sub, cell)))
+            for (size_t k = 0; k < rows; ++k)
+                for (uint64_t rest = mixed[k] & touched[k]; rest != 0; rest &= rest - 1)
+                    if (crossesAt(sub, left + std::countr_zero(rest), top + static_cast<int64_t>(k)))
                         return true;
-                }
-            }
         }
-    }
     return false;
 }
-
-// Which micro-triangles of a sub-triangle have a mixed cell that lies within, margins included: that one decides, and
-// others need not be looked at.
-class Classifier::Walk::Within
-{
-public:
-    Within(const Frame &f, const Node &node, std::vector<uint32_t> &decided)
-        : perArea_((node.sub.size < 0 ? -1.0f : 1.0f) / f.area),
-          reach_(Float4(f.reachI, f.reachJ, f.reachSum, 0) * Float4(1 / f.area)),
-          width_(Float4(1.0f) - reach_ - reach_), steps_(std::abs(node.sub.size)),
-          // Few cells lie within smaller ones.
-          fits_(2 * (f.reachI + f.reachJ + f.reachSum) < f.area)
-    {
-        if (fits_)
-            decided.assign(2 * static_cast<size_t>(steps_) * static_cast<size_t>(steps_) / kWord + 1, 0);
-        decided_ = decided.data();
-    }
-    // Calls found(k, isWithin) for those of some cells in a row, the bits of `mixed`, which are not within a
-    // micro-triangle, or the first that is. `start`: that of the lowest bit, `first`. `slopeI`, `slopeJ`: what the
-    // functions grow by from a cell to the next.
-    template <typename Found>
-    void add(uint64_t mixed, int first, const NearCell &start, float slopeI, float slopeJ, Found &&found)
-    {
-        const Float4 row = functions(start.i, start.j) - reach_;
-        const Float4 slope = functions(slopeI, slopeJ);
-        const Float4 most(kNoLimit, kNoLimit, static_cast<float>(steps_), kNoLimit);
-        const Float4 width = width_;
-        const Float4 zero(0.0f);
-        uint32_t *const decided = decided_;
-        for (; mixed != 0; mixed &= mixed - 1) {
-            const int k = std::countr_zero(mixed);
-            const Float4 from = row + slope * Float4(static_cast<float>(k - first));
-            const Float4 whole = fits_ ? truncated(from) : from;
-            if (!fits_ || (atLeast(from, zero) & below(from, most) & below(from - whole, width)) != 15) {
-                found(k, false);
-                continue;
-            }
-            std::array<float, 4> steps;
-            whole.store(steps.data());
-            const size_t at =
-                placeOf(static_cast<int32_t>(steps[0]), static_cast<int32_t>(steps[1]), static_cast<int32_t>(steps[2]));
-            const uint32_t bit = uint32_t{1} << at % kWord;
-            if ((decided[at / kWord] & bit) == 0) {
-                decided[at / kWord] |= bit;
-                found(k, true);
-            }
-        }
-    }
-    // Whether all micro-triangles that the cell can touch have one.
-    [[nodiscard]] bool allDecided(const NearCell &cell) const
-    {
-        if (!fits_)
-            return false;
-        const Float4 middle = functions(cell.i, cell.j);
-        std::array<float, 4> first;
-        std::array<float, 4> last;
-        max(Float4(0.0f), middle - reach_).store(first.data());
-        min(Float4(static_cast<float>(steps_ - 1)), middle + reach_).store(last.data());
-        const auto whole = [](float steps) { return static_cast<int32_t>(steps); };
-        for (int32_t i = whole(first[0]); i <= whole(last[0]); ++i)
-            for (int32_t j = whole(first[1]); j <= whole(last[1]); ++j)
-                for (int32_t k = std::max(i + j, whole(first[2])); k <= std::min(i + j + 1, whole(last[2])); ++k)
-                    if (const size_t at = placeOf(i, j, k); (decided_[at / kWord] >> at % kWord & 1) == 0)
-                        return false;
-        return true;
-    }
-
-private:
-    static constexpr size_t kWord = 32;
-    static constexpr float kNoLimit = std::numeric_limits<float>::max();
-
-    // i, j and their sum in steps.
-    [[nodiscard]] Float4 functions(float i, float j) const { return Float4(i, j, i + j, 0) * Float4(perArea_); }
-    // The bit of a micro-triangle, by the whole part of its functions.
-    [[nodiscard]] size_t placeOf(int32_t i, int32_t j, int32_t sum) const
-    {
-        return 2 * (static_cast<size_t>(i) * static_cast<size_t>(steps_) + static_cast<size_t>(j)) +
-               static_cast<size_t>(sum - i - j);
-    }
-
-    float perArea_;
-    Float4 reach_;
-    Float4 width_; // of what is within, in each function
-    int32_t steps_;
-    bool fits_;
-    uint32_t *decided_;
-};
 
 bool Classifier::Walk::list(const Node &node, Frame &frame)
 {
@@ -534,42 +373,22 @@ bool Classifier::Walk::list(const Node &node, Frame &frame)
                         kNaN,
                         kNaN};
     };
-    Within within(frame, node, scratch_.decided);
     scratch_.places.clear();
     scratch_.cells.clear();
     scratch_.near.clear();
-    const bool tooMany = p.forMixedWords(map_, node.sub, [&](const CellMap::Word &word) {
-        const int first = std::countr_zero(word.mixed);
-        const NearCell start = nearAt(word.column(first), word.y);
-        const float turn = word.mirrored ? -1.0f : 1.0f;
-        within.add(word.mixed, first, start, turn * toFloat(p.gradientI.x), turn * toFloat(p.gradientJ.x),
-                   [&](int k, bool isWithin) {
-                       if (!isWithin) {
-                           scratch_.places.push_back(map_.place(word, k));
-                           return;
-                       }
-                       const int64_t x = word.column(k);
-                       scratch_.cells.push_back({x, word.y, kNaN, kNaN, kNaN, kNaN});
-                       scratch_.near.push_back(nearAt(x, word.y));
-                   });
-        return scratch_.places.size() + scratch_.cells.size() > kMostListed;
+    // Texels are far away: while those of one cell come, the next ones are found.
+    const bool tooMany = p.forMixed(map_, node.sub, [&](const CellMap::Place &cell) {
+        map_.prefetch(cell);
+        scratch_.places.push_back(cell);
+        scratch_.near.push_back(nearAt(cell.x, cell.y));
+        return scratch_.places.size() > kMostListed;
     });
     if (tooMany)
         return false;
-    deciding_ = scratch_.cells.size();
-    // Texels are far away: while those of one cell come, the next ones are found.
-    std::erase_if(scratch_.places, [&](const CellMap::Place &cell) {
-        const NearCell near = nearAt(cell.x, cell.y);
-        if (within.allDecided(near))
-            return true;
-        map_.prefetch(cell);
-        scratch_.near.push_back(near);
-        return false;
-    });
     for (size_t n = 0; n < scratch_.places.size(); ++n) {
         const Cell cell = map_.read(scratch_.places[n]);
         scratch_.cells.push_back(cell);
-        piece_.setValues(scratch_.near[deciding_ + n], cell);
+        piece_.setValues(scratch_.near[n], cell);
     }
     return true;
 }
@@ -714,16 +533,7 @@ void Classifier::Walk::leaf(const Node &node, size_t list, size_t count)
 {
     for (size_t n = 0; n < count; ++n) {
         const uint32_t which = scratch_.lists[list + n];
-        if (which < deciding_) {
-            side_ = -1;
-            writeState(packed_, node.index, Format::FourState, guess(node.sub));
-            return;
-        }
-        const Cell &cell = scratch_.cells[which];
-        Crossing crossing = Crossing::Open;
-        if (texture_.filter == Filter::Bilinear)
-            crossing = piece_.quick(cornerIn(node.sub, cell), node.sub.size < 0, scratch_.near[which]);
-        if (crossing == Crossing::Yes || (crossing == Crossing::Open && crosses(node.sub, cell))) {
+        if (crosses(node.sub, scratch_.cells[which], scratch_.near[which])) {
             side_ = -1;
             writeState(packed_, node.index, Format::FourState, guess(node.sub));
             return;
@@ -732,9 +542,28 @@ void Classifier::Walk::leaf(const Node &node, size_t list, size_t count)
     uniform(node, level_);
 }
 
+bool Classifier::Walk::crossesAt(const SubTriangle &sub, int64_t x, int64_t y)
+{
+    if (!piece_.touches(cornerIn(sub, x, y), sub.size < 0))
+        return false;
+    const Cell cell = map_.cell(x, y);
+    NearCell near{};
+    piece_.setValues(near, cell);
+    return crosses(sub, cell, near);
+}
+
+bool Classifier::Walk::crosses(const SubTriangle &sub, const Cell &cell, const NearCell &near)
+{
+    if (texture_.filter == Filter::Bilinear)
+        if (const Crossing crossing = piece_.quick(cornerIn(sub, cell.x, cell.y), sub.size < 0, near);
+            crossing != Crossing::Open)
+            return crossing == Crossing::Yes;
+    return crosses(sub, cell);
+}
+
 bool Classifier::Walk::crosses(const SubTriangle &sub, const Cell &cell)
 {
-    const Crossing crossing = piece_(cornerIn(sub, cell), sub.size < 0, cell);
+    const Crossing crossing = piece_(cornerIn(sub, cell.x, cell.y), sub.size < 0, cell);
     if (crossing != Crossing::Open)
         return crossing == Crossing::Yes;
     if (!place_.exact)
@@ -858,8 +687,8 @@ State Classifier::Walk::guess(const SubTriangle &sub) const
         const auto weight = [&](Float4 at) { return nearest ? selectBelow(at, Float4(0.5f), zero, one) : at; };
         const Float4 a = weight(x - column);
         const Float4 b = weight(y - row);
-        const Float4 value = (texels[0] * (one - a) + texels[1] * a) * (one - b) +
-                             (texels[2] * (one - a) + texels[3] * a) * b;
+        const Float4 value =
+            (texels[0] * (one - a) + texels[1] * a) * (one - b) + (texels[2] * (one - a) + texels[3] * a) * b;
         opaque += kBitsOf[atLeast(value, Float4(toFloat(cutoff_)))];
     }
     return 2 * opaque >= kSampleI.size() ? State::UnknownOpaque : State::UnknownTransparent;

@@ -132,8 +132,8 @@ public:
         const Axis::Run row = axisY_.run(word.y, word.y);
         return place(word.column(k), word.y, word.stored + k, word.mirrored, rowsOf(row));
     }
-    // Writes the mixed cells of a window: bit k of to[row] says whether cell (x + k, y + row) is one. Bits from `columns`
-    // on, at most 64, can be any. Returns false where all are 0.
+    // Writes the mixed cells of a window: bit k of to[row] says whether cell (x + k, y + row) is one. Bits from
+    // `columns` on, at most 64, can be any. Returns false where all are 0.
     bool window(int64_t x, int64_t y, size_t columns, size_t rows, uint64_t *to) const;
     // Returns false where no cell of the columns from `first` to `last` is mixed. Reads all their texels: for what
     // covers all rows.
