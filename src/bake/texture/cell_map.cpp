@@ -112,9 +112,10 @@ struct CellMap::Columns {
     Columns(const std::vector<int32_t> &all, size_t first)
         : texels(&all[first]), count(std::min(kRow, all.size() - first))
     {
+        // None is more than 1 behind the one before.
         runEnd = count;
         if (texels[count - 1] - texels[0] == static_cast<int32_t>(count - 1))
-            return; // from one to the next it is never more than 1
+            return;
         while (runBegin + 1 < count && texels[runBegin + 1] != texels[runBegin] + 1)
             ++runBegin;
         runEnd = runBegin;
@@ -228,16 +229,15 @@ const CellMap::Tile &CellMap::makeTile(size_t column, size_t row) const
     const Columns columns(columns_, column * kSide);
     const std::span rows(&rows_[row * kSide], std::min(kRow, rows_.size() - row * kSide));
     const uint64_t cells = ~uint64_t{0} >> (kRow - columns.count);
-    // The border is at the ends.
-    const auto noBorder = [](const int32_t *texels, size_t count) { return texels[0] >= 0 && texels[count - 1] >= 0; };
+    // A border is at the ends.
+    const bool border = std::min({rows.front(), rows.back(), columns.texels[0], columns.texels[columns.count - 1]}) < 0;
     std::unique_ptr<Tile> tile;
-    if (texture_.codes.first != nullptr && noBorder(rows.data(), rows.size()) &&
-        noBorder(columns.texels, columns.count)) {
+    if (texture_.codes.first != nullptr && !border) {
         const uint8_t *const first = texture_.codes.first;
         const size_t stride = texture_.codes.pixelStride;
         const size_t rowStride = texture_.codes.rowStride;
         std::array<uint8_t, kRow> gathered{};
-        // Where they are, if they are neighbours.
+        // Neighbouring codes are read where they are.
         const uint8_t *const direct = stride == 1 && columns.isRun() ? first + columns.texels[0] : nullptr;
         const auto codesOf = [=, &columns, &gathered](int32_t texelRow) {
             const size_t at = static_cast<size_t>(texelRow) * rowStride;
@@ -284,15 +284,15 @@ bool CellMap::anyMixedIn(int64_t first, int64_t last) const
 
 bool CellMap::window(int64_t x, int64_t y, size_t columns, size_t rows, uint64_t *to) const
 {
-    const int64_t right = x + static_cast<int64_t>(columns) - 1;
-    const int64_t bottom = y + static_cast<int64_t>(rows) - 1;
     std::fill_n(to, rows, 0);
+    const int64_t right = x + static_cast<int64_t>(columns);
+    const int64_t bottom = y + static_cast<int64_t>(rows);
     bool any = false;
-    for (int64_t row = y; row <= bottom;) {
-        const Axis::Run down = axisY_.run(row, bottom);
-        for (int64_t column = x; column <= right;) {
-            const Axis::Run across = axisX_.run(column, right);
-            any = addBlock(across, down, column - x, to + (row - y)) || any;
+    for (int64_t row = y; row < bottom;) {
+        const Axis::Run down = axisY_.run(row, bottom - 1);
+        for (int64_t column = x; column < right;) {
+            const Axis::Run across = axisX_.run(column, right - 1);
+            any = addRuns(across, down, to + (row - y), static_cast<unsigned>(column - x)) || any;
             column += across.count;
         }
         row += down.count;
@@ -300,43 +300,40 @@ bool CellMap::window(int64_t x, int64_t y, size_t columns, size_t rows, uint64_t
     return any;
 }
 
-bool CellMap::addBlock(const Axis::Run &across, const Axis::Run &down, int64_t offset, uint64_t *to) const
+bool CellMap::addRuns(const Axis::Run &across, const Axis::Run &down, uint64_t *to, unsigned firstBit) const
 {
-    const int64_t low = across.step < 0 ? across.first - across.count + 1 : across.first;
-    const auto column = static_cast<size_t>(low) / kSide;
-    const auto shift = static_cast<unsigned>(low % kTile);
-    const int64_t wanted = across.step == 0 ? 1 : across.count;
-    const uint64_t mask = ~uint64_t{0} >> (kTile - wanted);
+    const auto low = static_cast<size_t>(across.step < 0 ? across.first - across.count + 1 : across.first);
+    const auto columns = static_cast<size_t>(across.step == 0 ? 1 : across.count);
+    const size_t shift = low % kSide;
+    const uint64_t mask = ~uint64_t{0} >> (kSide - columns);
     bool any = false;
-    for (int64_t n = 0; n < down.count;) {
+    for (int64_t n = 0, count = 0; n < down.count; n += count) {
+        // As many rows as one row of tiles has.
         const int64_t row = down.first + n * down.step;
-        const int64_t at = row % kTile;
-        // As far as the tiles reach.
-        const int64_t most = down.step == 0 ? down.count : down.step < 0 ? at + 1 : kTile - at;
-        const auto count = static_cast<size_t>(std::min(down.count - n, most));
+        const int64_t most = down.step > 0 ? kTile - row % kTile : down.step < 0 ? row % kTile + 1 : down.count;
+        count = std::min(down.count - n, most);
         const auto tileRow = static_cast<size_t>(row / kTile);
-        const Tile &left = tile(column, tileRow);
-        const Tile &beside = shift + wanted > kTile ? tile(column + 1, tileRow) : kUniform;
-        uint64_t *const bits = to + n;
-        n += static_cast<int64_t>(count);
+        const Tile &left = tile(low / kSide, tileRow);
+        const Tile &beside = shift + columns > kSide ? tile(low / kSide + 1, tileRow) : kUniform;
         if (&left == &kUniform && &beside == &kUniform)
             continue;
         any = true;
-        const uint64_t *const lefts = &left.mixed[static_cast<size_t>(at)];
-        const uint64_t *const besides = &beside.mixed[static_cast<size_t>(at)];
+        const uint64_t *const leftWords = &left.mixed[static_cast<size_t>(row % kTile)];
+        const uint64_t *const besideWords = &beside.mixed[static_cast<size_t>(row % kTile)];
+        uint64_t *const words = to + n;
         const auto stored = [=](int64_t k) {
-            return (lefts[k] >> shift | besides[k] << 1 << (kSide - 1 - shift)) & mask;
+            return (leftWords[k] >> shift | besideWords[k] << 1 << (kSide - 1 - shift)) & mask;
         };
         if (across.step > 0 && down.step > 0) {
-            for (size_t k = 0; k < count; ++k)
-                bits[k] |= ((lefts[k] >> shift | besides[k] << 1 << (kSide - 1 - shift)) & mask) << offset;
+            for (int64_t k = 0; k < count; ++k)
+                words[k] |= stored(k) << firstBit;
             continue;
         }
-        for (size_t k = 0; k < count; ++k) {
-            const uint64_t word = stored(static_cast<int64_t>(k) * down.step);
-            for (int64_t c = 0; c < across.count; ++c)
-                bits[k] |= (word >> (across.step < 0 ? across.count - 1 - c : c * across.step) & 1) << (offset + c);
-        }
+        for (int64_t k = 0; k < count; ++k)
+            for (int64_t c = 0; c < across.count; ++c) {
+                const int64_t from = across.step < 0 ? across.count - 1 - c : across.step * c;
+                words[k] |= (stored(k * down.step) >> from & 1) << (firstBit + c);
+            }
     }
     return any;
 }

@@ -132,8 +132,8 @@ public:
         const Axis::Run row = axisY_.run(word.y, word.y);
         return place(word.column(k), word.y, word.stored + k, word.mirrored, rowsOf(row));
     }
-    // Writes the mixed cells of a window: bit k of to[row] says whether cell (x + k, y + row) is one. Bits from
-    // `columns` on, at most 64, can be any. Returns false where all are 0.
+    // Writes the mixed cells of a window, of at most 64 columns: bit k of to[row] says whether cell (x + k, y + row) is
+    // one. Returns false only where none is.
     bool window(int64_t x, int64_t y, size_t columns, size_t rows, uint64_t *to) const;
     // Returns false where no cell of the columns from `first` to `last` is mixed. Reads all their texels: for what
     // covers all rows.
@@ -192,9 +192,10 @@ private:
         const Tile *tile = tiles_[row * tileColumns_ + column].load(std::memory_order_acquire);
         return tile != nullptr ? *tile : makeTile(column, row);
     }
-    bool addBlock(const Axis::Run &across, const Axis::Run &down, int64_t offset, uint64_t *to) const;
     const Tile &makeTile(size_t column, size_t row) const;
     [[nodiscard]] RowBits readValues(const Columns &columns, int64_t row) const;
+    // The part of window() where a run of columns, from bit `firstBit` on, meets a run of rows.
+    bool addRuns(const Axis::Run &across, const Axis::Run &down, uint64_t *to, unsigned firstBit) const;
     // Calls `sink` with words of the bits from `first` to `last`, unless they are 0, the position and the stored column
     // of the lowest bit, and whether they are mirrored, until it returns true; returns whether it did. bits(i): those
     // of the stored columns from i * kTile on.
