@@ -24,10 +24,12 @@ namespace
 constexpr double kMostCells = 65536;
 // or if it has more to list than this.
 constexpr size_t kMostListed = 1 << 15;
-// With boxes of at least so many cells, micro-triangles are compared with the bits of the cells instead,
+// With boxes of at least so many cells, micro-triangles are compared with the bits of the cells instead, unless a window
+// would show a texture many times,
 constexpr double kLeastStencil = 80;
-// and with boxes of more than this they are visited row by row: a cell that decides is soon found.
 constexpr double kMostStencil = 65536;
+// and others with boxes of more than this are visited row by row: a cell that decides is soon found.
+constexpr double kMostLeafCells = 2048;
 
 void fill(uint8_t *packed, uint32_t first, uint32_t count, State state)
 {
@@ -197,14 +199,15 @@ void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
         uniform(node, depth);
         return;
     }
-    if (leafCells_ >= kLeastStencil && leafCells_ <= kMostStencil) {
+    const bool large = std::min(map_.axisX().cells(), map_.axisY().cells()) >= CellMap::kTile;
+    if (large && leafCells_ >= kLeastStencil && leafCells_ <= kMostStencil) {
         for (const size_t inverted : {0u, 1u})
             scratch_.stencils[inverted].make(place_, inverted != 0);
         search(node, depth, nullptr);
         return;
     }
     Frame frame;
-    if (leafCells_ < kLeastStencil && place_.boxCells(node.sub) <= kMostCells && list(node, frame)) {
+    if (leafCells_ <= kMostLeafCells && place_.boxCells(node.sub) <= kMostCells && list(node, frame)) {
         const size_t count = scratch_.cells.size();
         scratch_.lists.resize(count);
         for (size_t i = 0; i < count; ++i)
