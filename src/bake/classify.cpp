@@ -24,11 +24,11 @@ namespace
 constexpr double kMostCells = 65536;
 // or if it has more to list than this.
 constexpr size_t kMostListed = 1 << 15;
-// With boxes of at least so many cells, micro-triangles are compared with the bits of the cells instead, unless a window
-// would show a texture many times,
+// Micro-triangles with a box of this many cells are compared with the bits of the cells instead, unless the texture is
+// smaller than a window,
 constexpr double kLeastStencil = 80;
 constexpr double kMostStencil = 65536;
-// and others with boxes of more than this are visited row by row: a cell that decides is soon found.
+// and others with a box of more cells than this are visited row by row: a cell that decides is soon found.
 constexpr double kMostLeafCells = 2048;
 
 void fill(uint8_t *packed, uint32_t first, uint32_t count, State state)
