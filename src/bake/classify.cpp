@@ -22,12 +22,13 @@ namespace
 
 // A sub-triangle with a box of more cells than this is divided before its cells are listed,
 constexpr double kMostCells = 65536;
-// or than this, if it has no more levels than that below it: then most cells need not be listed,
-constexpr double kMostCellsOfFew = 1 << 21;
-constexpr uint32_t kFewLevels = 5;
 // or if it has more to list than this.
 constexpr size_t kMostListed = 1 << 15;
-// Of a micro-triangle with a box of more cells than this none are listed: one that decides is soon found.
+// Micro-triangles with a box of this many cells are compared with the bits of the cells instead, unless the texture is
+// smaller than a window,
+constexpr double kLeastStencil = 80;
+constexpr double kMostStencil = 65536;
+// and others with a box of more cells than this are visited row by row: a cell that decides is soon found.
 constexpr double kMostLeafCells = 2048;
 
 void fill(uint8_t *packed, uint32_t first, uint32_t count, State state)
@@ -144,19 +145,24 @@ private:
             throw BakeCancelled();
     }
     void descendWide(const Node &node, uint32_t depth);
+    struct Window;
+    void search(const Node &node, uint32_t depth, const Window *around);
+    bool isMixed(const SubTriangle &sub, const Window *around);
+    bool crossesAt(const SubTriangle &sub, int64_t x, int64_t y);
     void descend(const Frame &frame, const Node &node, uint32_t depth, size_t list, size_t count);
     bool list(const Node &node, Frame &frame);
-    class Within;
     struct Parts;
     void uniform(const Node &node, uint32_t depth);
     void leaf(const Node &node, size_t list, size_t count);
     // The lattice point of a micro-triangle, seen from a cell.
-    [[nodiscard]] Point cornerIn(const SubTriangle &sub, const Cell &cell) const
+    [[nodiscard]] Point cornerIn(const SubTriangle &sub, int64_t x, int64_t y) const
     {
         const Point corner = place_.at(sub.i, sub.j);
-        return {corner.x - static_cast<double>(cell.x - place_.baseX),
-                corner.y - static_cast<double>(cell.y - place_.baseY)};
+        return {corner.x - static_cast<double>(x - place_.baseX), corner.y - static_cast<double>(y - place_.baseY)};
     }
+    // The cell of a local coordinate.
+    static int64_t cellAt(int64_t base, double local) { return base + static_cast<int64_t>(std::floor(local)); }
+    bool crosses(const SubTriangle &sub, const Cell &cell, const NearCell &near);
     bool crosses(const SubTriangle &sub, const Cell &cell);
     int sideOf(const SubTriangle &sub);
     State guess(const SubTriangle &sub) const;
@@ -172,8 +178,7 @@ private:
     ClassifierScratch &scratch_;
     Placement place_;
     PieceTest piece_;
-    double leafCells_;    // in the box of a micro-triangle
-    size_t deciding_ = 0; // so many cells of the list lie within a micro-triangle each
+    double leafCells_; // in the box of a micro-triangle
     std::optional<ExactTriangle> exact_;
     int side_ = -1; // of the part before on the curve: 1 opaque, 0 transparent, -1 unknown
 };
@@ -194,9 +199,15 @@ void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
         uniform(node, depth);
         return;
     }
+    const bool large = std::min(map_.axisX().cells(), map_.axisY().cells()) >= CellMap::kTile;
+    if (large && leafCells_ >= kLeastStencil && leafCells_ <= kMostStencil) {
+        for (const size_t inverted : {0u, 1u})
+            scratch_.stencils[inverted].make(place_, inverted != 0);
+        search(node, depth, nullptr);
+        return;
+    }
     Frame frame;
-    const double most = level_ - depth <= kFewLevels ? kMostCellsOfFew : kMostCells;
-    if (place_.boxCells(node.sub) <= most && leafCells_ <= kMostLeafCells && list(node, frame)) {
+    if (leafCells_ <= kMostLeafCells && place_.boxCells(node.sub) <= kMostCells && list(node, frame)) {
         const size_t count = scratch_.cells.size();
         scratch_.lists.resize(count);
         for (size_t i = 0; i < count; ++i)
@@ -224,92 +235,95 @@ void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
     writeState(packed_, node.index, Format::FourState, guess(node.sub));
 }
 
-// Which micro-triangles of a sub-triangle have a mixed cell that lies within, margins included: that one decides, and
-// others need not be looked at.
-class Classifier::Walk::Within
+// Bits of the mixed cells around a sub-triangle.
+struct Classifier::Walk::Window {
+    int64_t x, y;
+    std::array<uint64_t, CellMap::kTile> rows;
+};
+
+// Classifies micro-triangles by stencils. `around`: a window that has all their cells, if there is one.
+void Classifier::Walk::search(const Node &node, uint32_t depth, const Window *around)
 {
-public:
-    Within(const Frame &f, const Node &node, std::vector<uint32_t> &decided)
-        : perArea_((node.sub.size < 0 ? -1.0f : 1.0f) / f.area),
-          reach_(Float4(f.reachI, f.reachJ, f.reachSum, 0) * Float4(1 / f.area)),
-          width_(Float4(1.0f) - reach_ - reach_), steps_(std::abs(node.sub.size)),
-          // Few cells lie within smaller ones.
-          fits_(2 * (f.reachI + f.reachJ + f.reachSum) < f.area)
-    {
-        if (fits_)
-            decided.assign(2 * static_cast<size_t>(steps_) * static_cast<size_t>(steps_) / kWord + 1, 0);
-        decided_ = decided.data();
+    if (depth == level_) {
+        if (!isMixed(node.sub, around)) {
+            uniform(node, depth);
+            return;
+        }
+        side_ = -1;
+        writeState(packed_, node.index, Format::FourState, guess(node.sub));
+        return;
     }
-    // Calls found(k, isWithin) for those of some cells in a row, the bits of `mixed`, which are not within a
-    // micro-triangle, or the first that is. `start`: that of the lowest bit, `first`. `slopeI`, `slopeJ`: what the
-    // functions grow by from a cell to the next.
-    template <typename Found>
-    void add(uint64_t mixed, int first, const NearCell &start, float slopeI, float slopeJ, Found &&found)
-    {
-        const Float4 row = functions(start.i, start.j) - reach_;
-        const Float4 slope = functions(slopeI, slopeJ);
-        const Float4 most(kNoLimit, kNoLimit, static_cast<float>(steps_), kNoLimit);
-        const Float4 width = width_;
-        const Float4 zero(0.0f);
-        uint32_t *const decided = decided_;
-        for (; mixed != 0; mixed &= mixed - 1) {
-            const int k = std::countr_zero(mixed);
-            const Float4 from = row + slope * Float4(static_cast<float>(k - first));
-            const Float4 whole = fits_ ? truncated(from) : from;
-            if (!fits_ || (atLeast(from, zero) & below(from, most) & below(from - whole, width)) != 15) {
-                found(k, false);
-                continue;
+    if (level_ - depth > kLevelsBetweenPolls)
+        poll();
+    Window window;
+    if (around == nullptr) {
+        // Its size is that of a stencil, and how far it moves.
+        const bool inverted = node.sub.size < 0;
+        const Stencil &stencil = scratch_.stencils[inverted ? 1 : 0];
+        const double steps = std::abs(static_cast<double>(node.sub.size)) - 1;
+        const double width = (place_.high.x - place_.low.x) * steps + 2 + static_cast<double>(stencil.columns);
+        const double height = (place_.high.y - place_.low.y) * steps + 2 + static_cast<double>(stencil.rows);
+        if (width <= CellMap::kTile && height <= CellMap::kTile) {
+            const Point corner = place_.at(node.sub.i, node.sub.j);
+            const Point first = inverted ? Point{-place_.high.x, -place_.high.y} : place_.low;
+            const double more = 8 * place_.slack;
+            window.x = cellAt(place_.baseX, corner.x + first.x * steps + stencil.origin.x - more);
+            window.y = cellAt(place_.baseY, corner.y + first.y * steps + stencil.origin.y - more);
+            if (!map_.window(window.x, window.y, static_cast<size_t>(width), static_cast<size_t>(height),
+                             window.rows.data())) {
+                uniform(node, depth);
+                return;
             }
-            std::array<float, 4> steps;
-            whole.store(steps.data());
-            const size_t at =
-                placeOf(static_cast<int32_t>(steps[0]), static_cast<int32_t>(steps[1]), static_cast<int32_t>(steps[2]));
-            const uint32_t bit = uint32_t{1} << at % kWord;
-            if ((decided[at / kWord] & bit) == 0) {
-                decided[at / kWord] |= bit;
-                found(k, true);
-            }
+            around = &window;
         }
     }
-    // Whether all micro-triangles that the cell can touch have one.
-    [[nodiscard]] bool allDecided(const NearCell &cell) const
-    {
-        if (!fits_)
-            return false;
-        const Float4 middle = functions(cell.i, cell.j);
-        std::array<float, 4> first;
-        std::array<float, 4> last;
-        max(Float4(0.0f), middle - reach_).store(first.data());
-        min(Float4(static_cast<float>(steps_ - 1)), middle + reach_).store(last.data());
-        const auto whole = [](float steps) { return static_cast<int32_t>(steps); };
-        for (int32_t i = whole(first[0]); i <= whole(last[0]); ++i)
-            for (int32_t j = whole(first[1]); j <= whole(last[1]); ++j)
-                for (int32_t k = std::max(i + j, whole(first[2])); k <= std::min(i + j + 1, whole(last[2])); ++k)
-                    if (const size_t at = placeOf(i, j, k); (decided_[at / kWord] >> at % kWord & 1) == 0)
-                        return false;
-        return true;
-    }
+    for (size_t child = 0; child < 4; ++child)
+        search(part(node, child), depth + 1, around);
+}
 
-private:
-    static constexpr size_t kWord = 32;
-    static constexpr float kNoLimit = std::numeric_limits<float>::max();
-
-    // i, j and their sum in steps.
-    [[nodiscard]] Float4 functions(float i, float j) const { return Float4(i, j, i + j, 0) * Float4(perArea_); }
-    // The bit of a micro-triangle, by the whole part of its functions.
-    [[nodiscard]] size_t placeOf(int32_t i, int32_t j, int32_t sum) const
-    {
-        return 2 * (static_cast<size_t>(i) * static_cast<size_t>(steps_) + static_cast<size_t>(j)) +
-               static_cast<size_t>(sum - i - j);
-    }
-
-    float perArea_;
-    Float4 reach_;
-    Float4 width_; // of what is within, in each function
-    int32_t steps_;
-    bool fits_;
-    uint32_t *decided_;
-};
+bool Classifier::Walk::isMixed(const SubTriangle &sub, const Window *around)
+{
+    constexpr auto kTile = static_cast<size_t>(CellMap::kTile);
+    const bool inverted = sub.size < 0;
+    const Stencil &stencil = scratch_.stencils[inverted ? 1 : 0];
+    const Point corner = place_.at(sub.i, sub.j);
+    const int64_t x = cellAt(place_.baseX, corner.x + stencil.origin.x);
+    const int64_t y = cellAt(place_.baseY, corner.y + stencil.origin.y);
+    for (size_t column = 0; column < stencil.columns; column += kTile)
+        for (size_t row = 0; row < stencil.rows; row += kTile) {
+            const int64_t left = x + static_cast<int64_t>(column);
+            const int64_t top = y + static_cast<int64_t>(row);
+            const size_t rows = std::min(kTile, stencil.rows - row);
+            const uint64_t *touched = &stencil.touched[column / kTile * stencil.rows + row];
+            const uint64_t *within = &stencil.within[column / kTile * stencil.rows + row];
+            if (std::all_of(touched, touched + rows, [](uint64_t bits) { return bits == 0; }))
+                continue;
+            std::array<uint64_t, kTile> mixed;
+            if (around != nullptr) {
+                const uint64_t *from = &around->rows[static_cast<size_t>(top - around->y)];
+                for (size_t k = 0; k < rows; ++k)
+                    mixed[k] = from[k] >> (left - around->x);
+            } else if (!map_.window(left, top, std::min(kTile, stencil.columns - column), rows, mixed.data())) {
+                continue;
+            }
+            uint64_t anyTouched = 0;
+            uint64_t anyWithin = 0;
+            for (size_t k = 0; k < rows; ++k) {
+                anyTouched |= mixed[k] & touched[k];
+                anyWithin |= mixed[k] & within[k];
+            }
+            // All its texels lie in the micro-triangle, and they are on both sides.
+            if (anyWithin != 0)
+                return true;
+            if (anyTouched == 0)
+                continue;
+            for (size_t k = 0; k < rows; ++k)
+                for (uint64_t rest = mixed[k] & touched[k]; rest != 0; rest &= rest - 1)
+                    if (crossesAt(sub, left + std::countr_zero(rest), top + static_cast<int64_t>(k)))
+                        return true;
+        }
+    return false;
+}
 
 bool Classifier::Walk::list(const Node &node, Frame &frame)
 {
@@ -362,42 +376,22 @@ bool Classifier::Walk::list(const Node &node, Frame &frame)
                         kNaN,
                         kNaN};
     };
-    Within within(frame, node, scratch_.decided);
     scratch_.places.clear();
     scratch_.cells.clear();
     scratch_.near.clear();
-    const bool tooMany = p.forMixedWords(map_, node.sub, [&](const CellMap::Word &word) {
-        const int first = std::countr_zero(word.mixed);
-        const NearCell start = nearAt(word.column(first), word.y);
-        const float turn = word.mirrored ? -1.0f : 1.0f;
-        within.add(word.mixed, first, start, turn * toFloat(p.gradientI.x), turn * toFloat(p.gradientJ.x),
-                   [&](int k, bool isWithin) {
-                       if (!isWithin) {
-                           scratch_.places.push_back(map_.place(word, k));
-                           return;
-                       }
-                       const int64_t x = word.column(k);
-                       scratch_.cells.push_back({x, word.y, kNaN, kNaN, kNaN, kNaN});
-                       scratch_.near.push_back(nearAt(x, word.y));
-                   });
-        return scratch_.places.size() + scratch_.cells.size() > kMostListed;
+    // Texels are far away: while those of one cell come, the next ones are found.
+    const bool tooMany = p.forMixed(map_, node.sub, [&](const CellMap::Place &cell) {
+        map_.prefetch(cell);
+        scratch_.places.push_back(cell);
+        scratch_.near.push_back(nearAt(cell.x, cell.y));
+        return scratch_.places.size() > kMostListed;
     });
     if (tooMany)
         return false;
-    deciding_ = scratch_.cells.size();
-    // Texels are far away: while those of one cell come, the next ones are found.
-    std::erase_if(scratch_.places, [&](const CellMap::Place &cell) {
-        const NearCell near = nearAt(cell.x, cell.y);
-        if (within.allDecided(near))
-            return true;
-        map_.prefetch(cell);
-        scratch_.near.push_back(near);
-        return false;
-    });
     for (size_t n = 0; n < scratch_.places.size(); ++n) {
         const Cell cell = map_.read(scratch_.places[n]);
         scratch_.cells.push_back(cell);
-        piece_.setValues(scratch_.near[deciding_ + n], cell);
+        piece_.setValues(scratch_.near[n], cell);
     }
     return true;
 }
@@ -542,16 +536,7 @@ void Classifier::Walk::leaf(const Node &node, size_t list, size_t count)
 {
     for (size_t n = 0; n < count; ++n) {
         const uint32_t which = scratch_.lists[list + n];
-        if (which < deciding_) {
-            side_ = -1;
-            writeState(packed_, node.index, Format::FourState, guess(node.sub));
-            return;
-        }
-        const Cell &cell = scratch_.cells[which];
-        Crossing crossing = Crossing::Open;
-        if (texture_.filter == Filter::Bilinear)
-            crossing = piece_.quick(cornerIn(node.sub, cell), node.sub.size < 0, scratch_.near[which]);
-        if (crossing == Crossing::Yes || (crossing == Crossing::Open && crosses(node.sub, cell))) {
+        if (crosses(node.sub, scratch_.cells[which], scratch_.near[which])) {
             side_ = -1;
             writeState(packed_, node.index, Format::FourState, guess(node.sub));
             return;
@@ -560,9 +545,28 @@ void Classifier::Walk::leaf(const Node &node, size_t list, size_t count)
     uniform(node, level_);
 }
 
+bool Classifier::Walk::crossesAt(const SubTriangle &sub, int64_t x, int64_t y)
+{
+    if (!piece_.touches(cornerIn(sub, x, y), sub.size < 0))
+        return false;
+    const Cell cell = map_.cell(x, y);
+    NearCell near{};
+    piece_.setValues(near, cell);
+    return crosses(sub, cell, near);
+}
+
+bool Classifier::Walk::crosses(const SubTriangle &sub, const Cell &cell, const NearCell &near)
+{
+    if (texture_.filter == Filter::Bilinear)
+        if (const Crossing crossing = piece_.quick(cornerIn(sub, cell.x, cell.y), sub.size < 0, near);
+            crossing != Crossing::Open)
+            return crossing == Crossing::Yes;
+    return crosses(sub, cell);
+}
+
 bool Classifier::Walk::crosses(const SubTriangle &sub, const Cell &cell)
 {
-    const Crossing crossing = piece_(cornerIn(sub, cell), sub.size < 0, cell);
+    const Crossing crossing = piece_(cornerIn(sub, cell.x, cell.y), sub.size < 0, cell);
     if (crossing != Crossing::Open)
         return crossing == Crossing::Yes;
     if (!place_.exact)
@@ -639,21 +643,32 @@ State Classifier::Walk::guess(const SubTriangle &sub) const
     const size_t right = texture_.pixelStride();
     const size_t below = texture_.rowStride();
     const uint8_t *codes = texture_.codes.first;
-    const auto texelsOf = [&](int64_t column, int64_t row) -> std::array<float, 4> {
-        if (inside) {
-            const size_t at = static_cast<size_t>(y0 + row) * below + static_cast<size_t>(x0 + column) * right;
-            const auto four = [&](auto &&value) {
-                return std::array<float, 4>{value(at), value(at + right), value(at + below), value(at + below + right)};
+    const size_t origin = inside ? texture_.place(static_cast<size_t>(x0), static_cast<size_t>(y0)) : 0;
+    // The texels f00, f10, f01 and f11 of four samples.
+    const auto texelsAt = [&](const std::array<float, 4> &columnOf, const std::array<float, 4> &rowOf) {
+        const auto read = [&](auto &&texel, size_t firstAt, size_t toRight, size_t toBelow) {
+            std::array<size_t, 4> at;
+            for (size_t k = 0; k < 4; ++k)
+                at[k] = firstAt + static_cast<size_t>(static_cast<int64_t>(rowOf[k])) * toBelow +
+                        static_cast<size_t>(static_cast<int64_t>(columnOf[k])) * toRight;
+            const auto four = [&](size_t apart) {
+                return Float4(texel(at[0] + apart), texel(at[1] + apart), texel(at[2] + apart), texel(at[3] + apart));
             };
-            return codes != nullptr ? four([&](size_t place) { return texture_.codes.values[codes[place]]; })
-                                    : four([&](size_t place) { return texture_.alpha[place]; });
-        }
-        if (copied) {
-            const float *at = &copy[static_cast<size_t>(row) * kPitch + static_cast<size_t>(column)];
-            return {at[0], at[1], at[kPitch], at[kPitch + 1]};
-        }
-        const Cell cell = map_.cell(x0 + column, y0 + row);
-        return {cell.f00, cell.f10, cell.f01, cell.f11};
+            return std::array<Float4, 4>{four(0), four(toRight), four(toBelow), four(toBelow + toRight)};
+        };
+        if (inside && codes != nullptr)
+            return read([&](size_t place) { return texture_.codes.values[codes[place]]; }, origin, right, below);
+        if (inside)
+            return read([&](size_t place) { return texture_.alpha[place]; }, origin, right, below);
+        if (copied)
+            return read([&](size_t place) { return copy[place]; }, 0, 1, kPitch);
+        std::array<Cell, 4> cells;
+        for (size_t k = 0; k < 4; ++k)
+            cells[k] = map_.cell(x0 + static_cast<int64_t>(columnOf[k]), y0 + static_cast<int64_t>(rowOf[k]));
+        const auto four = [&](float Cell::*texel) {
+            return Float4(cells[0].*texel, cells[1].*texel, cells[2].*texel, cells[3].*texel);
+        };
+        return std::array<Float4, 4>{four(&Cell::f00), four(&Cell::f10), four(&Cell::f01), four(&Cell::f11)};
     };
     unsigned opaque = 0;
     for (size_t n = 0; n < kSampleI.size(); n += 4) {
@@ -671,18 +686,12 @@ State Classifier::Walk::guess(const SubTriangle &sub) const
         std::array<float, 4> rowOf;
         column.store(columnOf.data());
         row.store(rowOf.data());
-        std::array<std::array<float, 4>, 4> texels; // f00, f10, f01, f11 of four samples
-        for (size_t k = 0; k < 4; ++k) {
-            const auto of = texelsOf(static_cast<int64_t>(columnOf[k]), static_cast<int64_t>(rowOf[k]));
-            for (size_t texel = 0; texel < 4; ++texel)
-                texels[texel][k] = of[texel];
-        }
-        const auto load = [](const std::array<float, 4> &v) { return Float4::load(v.data()); };
+        const std::array<Float4, 4> texels = texelsAt(columnOf, rowOf);
         const auto weight = [&](Float4 at) { return nearest ? selectBelow(at, Float4(0.5f), zero, one) : at; };
         const Float4 a = weight(x - column);
         const Float4 b = weight(y - row);
-        const Float4 value = (load(texels[0]) * (one - a) + load(texels[1]) * a) * (one - b) +
-                             (load(texels[2]) * (one - a) + load(texels[3]) * a) * b;
+        const Float4 value =
+            (texels[0] * (one - a) + texels[1] * a) * (one - b) + (texels[2] * (one - a) + texels[3] * a) * b;
         opaque += kBitsOf[atLeast(value, Float4(toFloat(cutoff_)))];
     }
     return 2 * opaque >= kSampleI.size() ? State::UnknownOpaque : State::UnknownTransparent;

@@ -2,19 +2,21 @@
 // The states of one triangle.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
 #include "bake/bake.h"
 #include "bake/piece.h"
+#include "bake/stencil.h"
 #include "bake/texture/cell_map.h"
 
 namespace vellum
 {
 
-// Lists of mixed cells that a classification needs on its way; to be kept from one triangle to the next.
+// Memory that a classification needs on its way; to be kept from one triangle to the next.
 struct ClassifierScratch {
-    std::vector<uint32_t> decided; // a bit for each micro-triangle
+    std::array<Stencil, 2> stencils; // of micro-triangles; the second inverted
     std::vector<CellMap::Place> places;
     std::vector<Cell> cells;
     std::vector<NearCell> near;

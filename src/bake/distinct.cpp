@@ -6,7 +6,6 @@
 #include <string>
 
 #include "bake/option_ranges.h"
-#include "core/bit_cast.h"
 #include "core/curve.h"
 #include "core/hash.h"
 
@@ -115,26 +114,31 @@ void DistinctTriangles::add(const BakeInput &input, const BakeOptions &options)
         const Format format = input.formats.empty() ? options.format : input.formats[i];
         constexpr uint32_t kNoLevel = 255;
         const uint32_t level = input.levels.empty() ? kNoLevel : input.levels[i];
-        DistinctKey key{which, level << 8 | static_cast<uint32_t>(format), input.group, {}};
-        for (size_t k = 0; k < 3; ++k) {
-            key.uvs[2 * k] = bitCast<uint32_t>(uvs[k].u);
-            key.uvs[2 * k + 1] = bitCast<uint32_t>(uvs[k].v);
-        }
-        const uint64_t hash = hashBytes(&key, sizeof key);
-        size_t slot = hash & (slots_.size() - 1);
-        while (slots_[slot] != 0 && keys_[slots_[slot] - 1] != key)
-            slot = (slot + 1) & (slots_.size() - 1);
-        if (slots_[slot] == 0) {
+        const DistinctKey key{which, level << 8 | static_cast<uint32_t>(format), input.group, &uvs};
+        // Cards repeat their two triangles.
+        const size_t before = of.size();
+        uint32_t found = before >= 2 && keys_[of[before - 2]] == key ? of[before - 2] : find(key);
+        if (found == keys_.size()) {
             keys_.push_back(key);
             const bool automatic = level == kNoLevel && !options.level;
             triangles.push_back({&material, &uvs, level == kNoLevel ? material.levelFor(uvs) : level, 0, format,
                                  automatic, input.group, 0, 0});
-            slots_[slot] = static_cast<uint32_t>(triangles.size());
         }
-        ++triangles[slots_[slot] - 1].uses;
-        triangles[slots_[slot] - 1].weight += input.weights.empty() ? 1 : input.weights[i];
-        of.push_back(slots_[slot] - 1);
+        Distinct &triangle = triangles[found];
+        ++triangle.uses;
+        triangle.weight += input.weights.empty() ? 1 : input.weights[i];
+        of.push_back(found);
     }
+}
+
+uint32_t DistinctTriangles::find(const DistinctKey &key)
+{
+    size_t slot = key.hash() & (slots_.size() - 1);
+    while (slots_[slot] != 0 && !(keys_[slots_[slot] - 1] == key))
+        slot = (slot + 1) & (slots_.size() - 1);
+    if (slots_[slot] == 0)
+        slots_[slot] = static_cast<uint32_t>(keys_.size()) + 1;
+    return slots_[slot] - 1;
 }
 
 bool isTooLittle(uint64_t known, uint32_t level, Format format, const BakeOptions &options)

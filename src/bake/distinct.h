@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <cstring>
 #include <functional>
 #include <map>
 #include <memory>
@@ -15,6 +16,7 @@
 #include "bake/bake.h"
 #include "bake/classify.h"
 #include "bake/packed.h"
+#include "core/hash.h"
 #include "core/parallel.h"
 
 namespace vellum
@@ -106,14 +108,16 @@ struct DistinctKey {
     uint32_t material;
     uint32_t request; // level, or none, and format
     uint32_t group;
-    std::array<uint32_t, 6> uvs; // bits, so that NaNs are equal to themselves
+    const TriangleUvs *uvs; // compared by bits, so that NaNs are equal to themselves
 
+    [[nodiscard]] uint64_t hash() const
+    {
+        return hashBytes(uvs, sizeof *uvs, uint64_t{material} << 32 ^ uint64_t{request} << 8 ^ group);
+    }
     bool operator==(const DistinctKey &other) const
     {
-        uint32_t differ = (material ^ other.material) | (request ^ other.request) | (group ^ other.group);
-        for (size_t k = 0; k < uvs.size(); ++k)
-            differ |= uvs[k] ^ other.uvs[k];
-        return differ == 0;
+        return material == other.material && request == other.request && group == other.group &&
+               std::memcmp(uvs, other.uvs, sizeof *uvs) == 0;
     }
 };
 
@@ -128,6 +132,8 @@ public:
 private:
     uint32_t materialOf(const BakeInput &input, const BakeOptions &options);
     void add(const BakeInput &input, const BakeOptions &options);
+    // The triangle with this key, or the next one.
+    uint32_t find(const DistinctKey &key);
 
     std::vector<std::unique_ptr<BakeMaterial>> materials_;
     std::map<BakeMaterial::Key, uint32_t> materialOf_;

@@ -39,6 +39,17 @@ public:
                                            : nearest(corner, shapes_[inverted ? 1 : 0], cell);
     }
 
+    // Returns false where a cell lies beyond an edge.
+    [[nodiscard]] bool touches(Point corner, bool inverted) const
+    {
+        for (const Line &line : shapes_[inverted ? 1 : 0].lines) {
+            const double reach = 0.5 * (std::abs(line.gradient.x) + std::abs(line.gradient.y)) + lineSlack_;
+            if ((0.5 - corner.x) * line.gradient.x + (0.5 - corner.y) * line.gradient.y + line.constant < -reach)
+                return false;
+        }
+        return true;
+    }
+
     // Sets the values of a cell in single precision, and not its place.
     void setValues(NearCell &near, const Cell &cell) const;
     // Tests bilinear filtering four times as fast, and returns Open more often. The place of the cell does not matter.

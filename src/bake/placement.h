@@ -42,18 +42,7 @@ struct Placement {
     // Calls `sink` with the location of each mixed cell that the sub-triangle touches, margins included, and perhaps of
     // others next to it, until it returns true; returns whether it did.
     template <typename Sink>
-    bool forMixed(const CellMap &map, const SubTriangle &sub, Sink &&sink) const
-    {
-        return forMixedWords(map, sub, [&](const CellMap::Word &word) {
-            for (uint64_t rest = word.mixed; rest != 0; rest &= rest - 1)
-                if (sink(map.place(word, std::countr_zero(rest))))
-                    return true;
-            return false;
-        });
-    }
-    // The same with words.
-    template <typename Sink>
-    bool forMixedWords(const CellMap &map, const SubTriangle &sub, Sink &&sink) const;
+    bool forMixed(const CellMap &map, const SubTriangle &sub, Sink &&sink) const;
     // The approximate number of cells in the box around a sub-triangle.
     [[nodiscard]] double boxCells(const SubTriangle &sub) const;
     // Returns whether that box has all texels of a texture.
@@ -89,8 +78,14 @@ struct Placement {
 bool usable(const TriangleUvs &uvs, const AlphaTexture &texture);
 
 template <typename Sink>
-bool Placement::forMixedWords(const CellMap &map, const SubTriangle &sub, Sink &&sink) const
+bool Placement::forMixed(const CellMap &map, const SubTriangle &sub, Sink &&sink) const
 {
+    const auto each = [&](const CellMap::Word &word) {
+        for (uint64_t rest = word.mixed; rest != 0; rest &= rest - 1)
+            if (sink(map.place(word, std::countr_zero(rest))))
+                return true;
+        return false;
+    };
     const Point corners[] = {at(sub.i, sub.j), at(sub.i + sub.size, sub.j), at(sub.i, sub.j + sub.size)};
     struct Edge {
         double top, bottom, x, slope;
@@ -155,7 +150,7 @@ bool Placement::forMixedWords(const CellMap &map, const SubTriangle &sub, Sink &
             }
         }
         const Columns columns = between(from, static_cast<double>(row + 1) + reachY);
-        if (map.forMixed(baseY + row, columns.first, columns.last, sink))
+        if (map.forMixed(baseY + row, columns.first, columns.last, each))
             return true;
         ++row;
     }

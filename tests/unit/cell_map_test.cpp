@@ -30,6 +30,29 @@ int sideOf(const AlphaTexture &texture, const Thresholds &thresholds, int64_t x,
     return opaque ? 1 : transparent ? 0 : -1;
 }
 
+// Compares windows anywhere with the sides of their cells.
+void compareWindows(const CellMap &map, const AlphaTexture &texture, test::TestRandom &random)
+{
+    for (int n = 0; n < 4; ++n) {
+        const auto anywhere = [&](uint32_t size) {
+            return static_cast<int64_t>(random() % (4 * size + 7)) - 2 * int64_t{size} - 3;
+        };
+        const int64_t x = anywhere(texture.width);
+        const int64_t y = anywhere(texture.height);
+        const size_t columns = 1 + random() % 64;
+        std::vector<uint64_t> rows(1 + random() % 70, 1);
+        const bool any = map.window(x, y, columns, rows.size(), rows.data());
+        for (size_t row = 0; row < rows.size(); ++row) {
+            uint64_t expected = 0;
+            for (size_t k = 0; k < columns; ++k)
+                if (map.side(x + static_cast<int64_t>(k), y + static_cast<int64_t>(row)) < 0)
+                    expected |= uint64_t{1} << k;
+            ASSERT_EQ(rows[row], expected) << columns << " columns from " << x << ", row " << y << " + " << row;
+            ASSERT_TRUE(any || expected == 0);
+        }
+    }
+}
+
 } // namespace
 
 TEST(BakeCellMap, MatchesTheTexels)
@@ -75,6 +98,7 @@ TEST(BakeCellMap, MatchesTheTexels)
                             << width << " x " << h << ", wrap " << static_cast<int>(wrap) << ", cell " << x << " " << y;
                         ++sides[side + 1];
                     }
+                compareWindows(map, texture, random);
             }
         }
     EXPECT_GT(sides[0], 10000u);
@@ -90,8 +114,11 @@ TEST(BakeCellMap, TilesAreMadeByAnyThread)
         const uint32_t width = 150 + random() % 200;
         const uint32_t height = 100 + random() % 200;
         std::vector<uint8_t> bytes(size_t{width} * height);
-        for (size_t i = 0; i < bytes.size(); ++i) // opaque from column 56 to 136, noise elsewhere
-            bytes[i] = i % width >= 56 && i % width <= 136 ? 255 : static_cast<uint8_t>(random());
+        const size_t top = random() % 100;
+        for (size_t i = 0; i < bytes.size(); ++i) { // opaque at the top and from column 56 to 136, noise elsewhere
+            const bool opaque = i / width < top || (i % width >= 56 && i % width <= 136);
+            bytes[i] = opaque ? 255 : static_cast<uint8_t>(random());
+        }
         AlphaTexture texture = AlphaTexture::fromUnorm8(width, height, bytes.data(), 1, width);
         texture.wrapU = static_cast<Wrap>(random() % 5);
         texture.wrapV = static_cast<Wrap>(random() % 5);
@@ -111,6 +138,7 @@ TEST(BakeCellMap, TilesAreMadeByAnyThread)
         for (std::thread &thread : threads)
             thread.join();
         EXPECT_EQ(wrong, 0u);
+        compareWindows(map, texture, random);
         // Columns 66 to 120 are in one tile with any lead of the stored ones.
         const CellMap fresh(texture, thresholds);
         EXPECT_FALSE(fresh.anyMixedIn(66, 120));

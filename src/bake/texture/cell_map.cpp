@@ -44,32 +44,58 @@ uint64_t pairs(uint64_t bits, bool last)
     return bits & (bits >> 1 | uint64_t{last} << 63);
 }
 
-// Bit k: codes[k] and codes[k + 1] are within the range; for 64 of them.
+// Finds codes within a range.
 template <typename Range>
-uint64_t pairsWithin(const uint8_t *codes, const Range &range)
+class CodeTest
 {
-    uint64_t bits = 0;
+public:
+    explicit CodeTest(const Range &range) : range_(range) {}
+
+    // Whether all of kRow codes are.
+    [[nodiscard]] bool all(const uint8_t *codes) const
+    {
 #ifdef __SSE2__
-    const __m128i first = _mm_set1_epi8(static_cast<char>(range.first));
-    const __m128i span = _mm_set1_epi8(static_cast<char>(range.span));
-    for (size_t k = 0; k < kSide; k += 16) {
-        const __m128i from = _mm_sub_epi8(_mm_loadu_si128(reinterpret_cast<const __m128i *>(codes + k)), first);
-        const __m128i in = _mm_cmpeq_epi8(_mm_min_epu8(from, span), from);
-        bits |= uint64_t{static_cast<uint16_t>(_mm_movemask_epi8(in))} << k;
-    }
+        const __m128i most = _mm_and_si128(_mm_and_si128(mask(codes), mask(codes + 16)),
+                                           _mm_and_si128(mask(codes + 32), mask(codes + 48)));
+        return _mm_movemask_epi8(most) == 0xffff && range_.has(codes[kSide]);
 #else
-    std::array<uint8_t, kSide> in;
-    for (size_t k = 0; k < kSide; ++k)
-        in[k] = range.has(codes[k]) ? 1 : 0;
-    for (size_t k = 0; k < kSide; k += 8) {
-        uint64_t eight;
-        std::memcpy(&eight, &in[k], sizeof eight);
-        // Gathers the lowest bits of eight bytes, the first byte's at bit 56.
-        bits |= (eight * 0x0102040810204080 >> 56) << k;
-    }
+        return std::all_of(codes, codes + kRow, [this](uint8_t code) { return range_.has(code); });
 #endif
-    return range.any ? pairs(bits, range.has(codes[kSide])) : 0;
-}
+    }
+    // Bit k: codes[k] and codes[k + 1] are; for 64 of them.
+    [[nodiscard]] uint64_t pairs(const uint8_t *codes) const
+    {
+        uint64_t bits = 0;
+#ifdef __SSE2__
+        for (size_t k = 0; k < kSide; k += 16)
+            bits |= uint64_t{static_cast<uint16_t>(_mm_movemask_epi8(mask(codes + k)))} << k;
+#else
+        std::array<uint8_t, kSide> in;
+        for (size_t k = 0; k < kSide; ++k)
+            in[k] = range_.has(codes[k]) ? 1 : 0;
+        for (size_t k = 0; k < kSide; k += 8) {
+            uint64_t eight;
+            std::memcpy(&eight, &in[k], sizeof eight);
+            // Gathers the lowest bits of eight bytes, the first byte's at bit 56.
+            bits |= (eight * 0x0102040810204080 >> 56) << k;
+        }
+#endif
+        return range_.any ? vellum::pairs(bits, range_.has(codes[kSide])) : 0;
+    }
+
+private:
+    Range range_;
+#ifdef __SSE2__
+    // 255 where one of 16 codes is.
+    [[nodiscard]] __m128i mask(const uint8_t *codes) const
+    {
+        const __m128i from = _mm_sub_epi8(_mm_loadu_si128(reinterpret_cast<const __m128i *>(codes)), first_);
+        return _mm_cmpeq_epi8(_mm_min_epu8(from, span_), from);
+    }
+    __m128i first_ = _mm_set1_epi8(static_cast<char>(range_.first));
+    __m128i span_ = _mm_set1_epi8(static_cast<char>(range_.span));
+#endif
+};
 
 } // namespace
 
@@ -86,19 +112,23 @@ struct CellMap::Columns {
     Columns(const std::vector<int32_t> &all, size_t first)
         : texels(&all[first]), count(std::min(kRow, all.size() - first))
     {
+        // None is more than 1 behind the one before.
+        runEnd = count;
+        if (texels[count - 1] - texels[0] == static_cast<int32_t>(count - 1))
+            return;
         while (runBegin + 1 < count && texels[runBegin + 1] != texels[runBegin] + 1)
             ++runBegin;
         runEnd = runBegin;
         while (runEnd < count && texels[runEnd] - texels[runBegin] == static_cast<int32_t>(runEnd - runBegin))
             ++runEnd;
     }
-    // The codes of these columns, none of which may be the border, in a row: where they are, or in `to`.
+    // Whether they are kRow neighbours.
+    [[nodiscard]] bool isRun() const { return runEnd - runBegin == kRow; }
+    // Copies the codes of these columns, none of which may be the border, from a row.
     const uint8_t *gather(const uint8_t *row, size_t stride, std::array<uint8_t, kRow> &to) const
     {
         const auto at = [&](size_t k) { return row + static_cast<size_t>(texels[k]) * stride; };
         const uint8_t *run = at(runBegin);
-        if (runEnd - runBegin == kRow && stride == 1)
-            return run;
         const auto readRun = [&](size_t apart) {
             for (size_t k = runBegin; k < runEnd; ++k)
                 to[k] = run[(k - runBegin) * apart];
@@ -181,11 +211,11 @@ CellMap::RowBits CellMap::readValues(const Columns &columns, int64_t row) const
 }
 
 template <typename Read>
-void CellMap::Tile::make(std::span<const int32_t> rows, uint64_t cells, Read &&read)
+void CellMap::Tile::make(std::span<const int32_t> rows, size_t first, uint64_t cells, Read &&read)
 {
-    RowBits upper = read(rows[0]);
+    RowBits upper = read(rows[first]);
     uint64_t any = 0;
-    for (size_t y = 0; y + 1 < rows.size(); ++y) {
+    for (size_t y = first; y + 1 < rows.size(); ++y) {
         const RowBits lower = read(rows[y + 1]);
         mixed[y] = ~((upper.opaque & lower.opaque) | (upper.transparent & lower.transparent)) & cells;
         any |= mixed[y];
@@ -199,24 +229,41 @@ const CellMap::Tile &CellMap::makeTile(size_t column, size_t row) const
     const Columns columns(columns_, column * kSide);
     const std::span rows(&rows_[row * kSide], std::min(kRow, rows_.size() - row * kSide));
     const uint64_t cells = ~uint64_t{0} >> (kRow - columns.count);
-    const auto noBorder = [](auto &&texels) {
-        return std::all_of(texels.begin(), texels.end(), [](int32_t texel) { return texel >= 0; });
-    };
-    auto tile = std::make_unique<Tile>();
-    if (texture_.codes.first != nullptr && noBorder(rows) && noBorder(std::span(columns.texels, columns.count))) {
+    // A border is at the ends.
+    const bool border = std::min({rows.front(), rows.back(), columns.texels[0], columns.texels[columns.count - 1]}) < 0;
+    std::unique_ptr<Tile> tile;
+    if (texture_.codes.first != nullptr && !border) {
         const uint8_t *const first = texture_.codes.first;
         const size_t stride = texture_.codes.pixelStride;
         const size_t rowStride = texture_.codes.rowStride;
         std::array<uint8_t, kRow> gathered{};
-        tile->make(rows, cells, [&](int32_t texelRow) {
-            const uint8_t *codes = first + static_cast<size_t>(texelRow) * rowStride;
-            codes = columns.gather(codes, stride, gathered);
-            return RowBits{pairsWithin(codes, opaqueCodes_), pairsWithin(codes, transparentCodes_)};
-        });
+        // Neighbouring codes are read where they are.
+        const uint8_t *const direct = stride == 1 && columns.isRun() ? first + columns.texels[0] : nullptr;
+        const auto codesOf = [=, &columns, &gathered](int32_t texelRow) {
+            const size_t at = static_cast<size_t>(texelRow) * rowStride;
+            return direct != nullptr ? direct + at : columns.gather(first + at, stride, gathered);
+        };
+        const CodeTest opaque(opaqueCodes_);
+        const CodeTest transparent(transparentCodes_);
+        // Most tiles are all of one kind.
+        const bool isOpaque = opaqueCodes_.has(*codesOf(rows[0]));
+        const CodeTest kind = isOpaque ? opaque : transparent;
+        size_t same = 0;
+        if (isOpaque ? opaqueCodes_.any : transparentCodes_.any)
+            while (same < rows.size() && kind.all(codesOf(rows[same])))
+                ++same;
+        if (same < rows.size()) {
+            tile = std::make_unique<Tile>();
+            tile->make(rows, std::max<size_t>(same, 1) - 1, cells, [=](int32_t texelRow) {
+                const uint8_t *codes = codesOf(texelRow);
+                return RowBits{opaque.pairs(codes), transparent.pairs(codes)};
+            });
+        }
     } else {
-        tile->make(rows, cells, [&](int32_t texelRow) { return readValues(columns, texelRow); });
+        tile = std::make_unique<Tile>();
+        tile->make(rows, 0, cells, [&](int32_t texelRow) { return readValues(columns, texelRow); });
     }
-    const Tile *made = tile->mixedColumns != 0 ? tile.get() : &kUniform;
+    const Tile *made = tile != nullptr && tile->mixedColumns != 0 ? tile.get() : &kUniform;
     const Tile *first = nullptr;
     // Another thread can have made the same one.
     if (!tiles_[row * tileColumns_ + column].compare_exchange_strong(first, made, std::memory_order_acq_rel))
@@ -233,6 +280,62 @@ bool CellMap::anyMixedIn(int64_t first, int64_t last) const
                  [](uint64_t, int64_t, int64_t, bool) { return true; }))
             return true;
     return false;
+}
+
+bool CellMap::window(int64_t x, int64_t y, size_t columns, size_t rows, uint64_t *to) const
+{
+    std::fill_n(to, rows, 0);
+    const int64_t right = x + static_cast<int64_t>(columns);
+    const int64_t bottom = y + static_cast<int64_t>(rows);
+    bool any = false;
+    for (int64_t row = y; row < bottom;) {
+        const Axis::Run down = axisY_.run(row, bottom - 1);
+        for (int64_t column = x; column < right;) {
+            const Axis::Run across = axisX_.run(column, right - 1);
+            any = addRuns(across, down, to + (row - y), static_cast<unsigned>(column - x)) || any;
+            column += across.count;
+        }
+        row += down.count;
+    }
+    return any;
+}
+
+bool CellMap::addRuns(const Axis::Run &across, const Axis::Run &down, uint64_t *to, unsigned firstBit) const
+{
+    const auto low = static_cast<size_t>(across.step < 0 ? across.first - across.count + 1 : across.first);
+    const auto columns = static_cast<size_t>(across.step == 0 ? 1 : across.count);
+    const size_t shift = low % kSide;
+    const uint64_t mask = ~uint64_t{0} >> (kSide - columns);
+    bool any = false;
+    for (int64_t n = 0, count = 0; n < down.count; n += count) {
+        // As many rows as one row of tiles has.
+        const int64_t row = down.first + n * down.step;
+        const int64_t most = down.step > 0 ? kTile - row % kTile : down.step < 0 ? row % kTile + 1 : down.count;
+        count = std::min(down.count - n, most);
+        const auto tileRow = static_cast<size_t>(row / kTile);
+        const Tile &left = tile(low / kSide, tileRow);
+        const Tile &beside = shift + columns > kSide ? tile(low / kSide + 1, tileRow) : kUniform;
+        if (&left == &kUniform && &beside == &kUniform)
+            continue;
+        any = true;
+        const uint64_t *const leftWords = &left.mixed[static_cast<size_t>(row % kTile)];
+        const uint64_t *const besideWords = &beside.mixed[static_cast<size_t>(row % kTile)];
+        uint64_t *const words = to + n;
+        const auto stored = [=](int64_t k) {
+            return (leftWords[k] >> shift | besideWords[k] << 1 << (kSide - 1 - shift)) & mask;
+        };
+        if (across.step > 0 && down.step > 0) {
+            for (int64_t k = 0; k < count; ++k)
+                words[k] |= stored(k) << firstBit;
+            continue;
+        }
+        for (int64_t k = 0; k < count; ++k)
+            for (int64_t c = 0; c < across.count; ++c) {
+                const int64_t from = across.step < 0 ? across.count - 1 - c : across.step * c;
+                words[k] |= (stored(k * down.step) >> from & 1) << (firstBit + c);
+            }
+    }
+    return any;
 }
 
 void CellMap::copy(int64_t x, int64_t y, size_t columns, size_t rows, float *to, size_t pitch) const

@@ -132,6 +132,9 @@ public:
         const Axis::Run row = axisY_.run(word.y, word.y);
         return place(word.column(k), word.y, word.stored + k, word.mirrored, rowsOf(row));
     }
+    // Writes the mixed cells of a window, of at most 64 columns: bit k of to[row] says whether cell (x + k, y + row) is
+    // one. Returns false only where none is.
+    bool window(int64_t x, int64_t y, size_t columns, size_t rows, uint64_t *to) const;
     // Returns false where no cell of the columns from `first` to `last` is mixed. Reads all their texels: for what
     // covers all rows.
     [[nodiscard]] bool anyMixedIn(int64_t first, int64_t last) const;
@@ -144,9 +147,10 @@ private:
         std::array<uint64_t, kTile> mixed;
         uint64_t mixedColumns; // a bit for each column with a mixed cell
 
-        // `rows`: of texels, one more than of cells. `cells`: the columns that exist. read(row): a row's RowBits.
+        // `rows`: of texels, one more than of cells; no cell above the row `first` is mixed. `cells`: the columns that
+        // exist. read(row): a row's RowBits.
         template <typename Read>
-        void make(std::span<const int32_t> rows, uint64_t cells, Read &&read);
+        void make(std::span<const int32_t> rows, size_t first, uint64_t cells, Read &&read);
     };
     static const Tile kUniform; // without a mixed cell
     // An interval of codes.
@@ -190,6 +194,8 @@ private:
     }
     const Tile &makeTile(size_t column, size_t row) const;
     [[nodiscard]] RowBits readValues(const Columns &columns, int64_t row) const;
+    // The part of window() where a run of columns, from bit `firstBit` on, meets a run of rows.
+    bool addRuns(const Axis::Run &across, const Axis::Run &down, uint64_t *to, unsigned firstBit) const;
     // Calls `sink` with words of the bits from `first` to `last`, unless they are 0, the position and the stored column
     // of the lowest bit, and whether they are mirrored, until it returns true; returns whether it did. bits(i): those
     // of the stored columns from i * kTile on.
