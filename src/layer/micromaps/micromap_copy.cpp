@@ -74,6 +74,8 @@ void recordMicromapCopy(DeviceMicromaps &device, VkCommandBuffer commandBuffer, 
     push.serialized = micromapAddress(device.driver, source);
     push.serializedBytes = source.size;
     InjectedWork work(device.commands, commandBuffer);
+    if (!work.prepare(InjectedShader::MicromapMove))
+        return;
     if (compact) {
         push.compaction = recordCompaction(device, commandBuffer, work, source, target);
         if (push.compaction == 0) {
