@@ -18,6 +18,8 @@ using namespace shared;
 
 // Smaller handles need no bounds: the tables for as many triangles as they can have are small.
 constexpr VkDeviceSize kLargeHandle = VkDeviceSize{4} << 20;
+// Every bound is at least that of a micromap of this size.
+constexpr VkDeviceSize kLeastBound = VkDeviceSize{256} << 10;
 constexpr size_t kMostBounds = 1 << 16;
 // Compactions of one command whose scratch memory has this size in total run side by side.
 constexpr VkDeviceSize kScratchAtOnce = VkDeviceSize{64} << 20;
@@ -94,13 +96,12 @@ void MicromapBounds::record(VkDeviceAddress address, const MicromapBound &bound)
     std::lock_guard lock(mutex_);
     if (bounds_.size() >= kMostBounds)
         bounds_.clear();
-    MicromapBound &known = bounds_[address];
-    known = {std::max(known.triangles, bound.triangles), std::max(known.bytes, bound.bytes)};
+    bounds_[address] = bound;
 }
 
 MicromapBound MicromapBounds::get(VkDeviceAddress address, VkDeviceSize size)
 {
-    const MicromapBound least = boundOf(kLargeHandle), most = boundOf(size);
+    const MicromapBound least = boundOf(kLeastBound), most = boundOf(size);
     std::lock_guard lock(mutex_);
     const auto found = bounds_.find(address);
     if (found == bounds_.end())

@@ -28,7 +28,8 @@ MicromapBound boundOf(VkDeviceSize bytes);
 
 // Bounds of the micromaps in large handles, by their addresses. A handle may reach to the end of a buffer of hundreds
 // of megabytes, and the scratch memory of a compaction must have tables for all triangles that the micromap may have. A
-// bound is that of all micromaps that were recorded there. Without one, the size of the handle is the bound.
+// bound is that of the micromap that was recorded there last. Without one, the size of the handle is the bound. A
+// micromap with more triangles is left as it is: one that was not recorded last, but is executed last.
 class MicromapBounds
 {
 public:

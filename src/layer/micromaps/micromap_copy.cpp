@@ -74,6 +74,8 @@ void recordMicromapCopy(DeviceMicromaps &device, VkCommandBuffer commandBuffer, 
     push.serialized = micromapAddress(device.driver, source);
     push.serializedBytes = source.size;
     InjectedWork work(device.commands, commandBuffer);
+    if (!work.prepare(InjectedShader::MicromapMove))
+        return;
     if (compact) {
         push.compaction = recordCompaction(device, commandBuffer, work, source, target);
         if (push.compaction == 0) {
@@ -101,6 +103,27 @@ void recordMicromapSave(DeviceMicromaps &device, VkCommandBuffer commandBuffer, 
     move(work, device.driver, push);
 }
 
+namespace
+{
+
+// The bound of a micromap in serialized data: as the data states now, if it is complete and the host can read it.
+MicromapBound boundOfSerialized(const DeviceMicromaps &device, VkDeviceAddress data)
+{
+    struct {
+        SerializedMicromapHeader serialized;
+        std::array<uint32_t, kMicromapHeaderUnits + 1> micromap;
+    } headers;
+    const AddressMap::Location location = device.buffers.addresses.find(data);
+    const SerializedMicromapHeader own = serializedHeader(device.driver.driverUuid, 0);
+    if (!location.buffer || location.bytes < sizeof headers ||
+        !device.buffers.host.peek(location.buffer, location.offset, &headers, sizeof headers) ||
+        headers.serialized.layoutUuid != own.layoutUuid)
+        return boundOf(device.buffers.addresses.bytesFrom(data));
+    return {headers.micromap[kMicromapHeaderTriangles], headers.serialized.micromapBytes};
+}
+
+} // namespace
+
 void recordMicromapRestore(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const Micromap &target,
                            VkDeviceAddress source, InvalidData invalid)
 {
@@ -110,7 +133,7 @@ void recordMicromapRestore(DeviceMicromaps &device, VkCommandBuffer commandBuffe
         movePush(device, target, kMoveDeserialize | (invalid == InvalidData::KeepsTarget ? kMoveOnlyMicromaps : 0));
     push.serialized = source;
     push.serializedBytes = device.buffers.addresses.bytesFrom(source);
-    recordMicromapBound(device, target, boundOf(push.serializedBytes));
+    recordMicromapBound(device, target, boundOfSerialized(device, source));
     InjectedWork work(device.commands, commandBuffer);
     move(work, device.driver, push);
 }

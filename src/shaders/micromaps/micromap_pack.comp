@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build whose data is neither shared nor used in place: three passes (push.pack) assign data units to every triangle,
+// Micromap build whose data cannot be used in place, or is lossy: three passes (push.pack) assign data units to every triangle,
 // in their order, write its record and copy its data. They read the data only to copy it. One shader, without barriers of a
 // workgroup, because drivers compile it for first builds, of which hardly any runs it.
 layout(local_size_x = 64) in;

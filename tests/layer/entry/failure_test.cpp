@@ -2,6 +2,7 @@
 // A driver that runs out of memory, or loses the device. Whichever of its commands fails, the application learns of it
 // by a result or a message, nothing leaks, and the same works once there is memory again.
 #include <algorithm>
+#include <functional>
 
 #include "command_buffer/state_scene.h"
 #include "gpu/copies.h"
@@ -226,23 +227,26 @@ TEST_F(Failures, LeaveMicromapsAsTheyWere)
     MicromapInput input;
     for (const uint32_t level : {4u, 8u})
         input.add(level, kFourState, randomStates(random, level, kFourState));
-    // Data in place, shared data, and data that is placed.
-    for (const VkBuildMicromapFlagsEXT flags :
-         {VkBuildMicromapFlagsEXT{0}, VkBuildMicromapFlagsEXT{VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT}}) {
-        Micromap micromap(gpu(), input, flags);
+    const auto expectAsBefore = [&](const Micromap &target, const std::function<void(VkCommandBuffer)> &record) {
         size_t failures = 0;
         for (uint64_t n = 1;; ++n) {
-            micromap.forget();
-            gpu().submit([&](VkCommandBuffer commands) { failing(n, [&] { micromap.record(commands); }); });
+            target.forget();
+            gpu().submit([&](VkCommandBuffer commands) { failing(n, [&] { record(commands); }); });
             if (validationLog() == 0)
                 break;
             ++failures;
-            EXPECT_EQ(std::count(micromap.memory(), micromap.memory() + micromap.size(), 0),
-                      static_cast<ptrdiff_t>(micromap.size()))
+            EXPECT_EQ(std::count(target.memory(), target.memory() + target.size(), 0),
+                      static_cast<ptrdiff_t>(target.size()))
                 << failedCommand();
         }
         EXPECT_GT(failures, 0u);
-    }
+    };
+    Micromap micromap(gpu(), input, VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT);
+    expectAsBefore(micromap, [&](VkCommandBuffer commands) { micromap.record(commands); });
+    const Micromap compacted(gpu(), micromap, micromap.size());
+    expectAsBefore(compacted, [&](VkCommandBuffer commands) {
+        recordMicromapCopy(gpu(), commands, micromap.handle(), compacted.handle(), VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+    });
 }
 
 TEST_F(Failures, CopiesOfStructures)

@@ -229,12 +229,12 @@ TEST_F(MicromapStructureMaintenance, QueriesOfEveryKind)
             EXPECT_EQ(values[0], reportedSize(gpu(), kCompacted));
             EXPECT_EQ(values[3], reportedSize(gpu(), 64 + 2 * 16 + 64));
         } else if (type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR) {
-            EXPECT_EQ(values[0], 64 + kCompacted);
-            EXPECT_EQ(values[3], 64u + 64 + 2 * 16 + 64);
+            EXPECT_EQ(values[0], 64 + kWhole);
+            EXPECT_EQ(values[3], 64u + 64 + 2 * 16 + 3 * 64);
         } else {
             // The size that a clone needs; the handles may be larger.
-            EXPECT_EQ(values[0], reportedSize(gpu(), kCompacted));
-            EXPECT_EQ(values[3], reportedSize(gpu(), 64 + 2 * 16 + 64));
+            EXPECT_EQ(values[0], reportedSize(gpu(), kWhole));
+            EXPECT_EQ(values[3], reportedSize(gpu(), 64 + 2 * 16 + 3 * 64));
         }
     }
     const auto pointers = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_BOTTOM_LEVEL_POINTERS_KHR;

@@ -87,7 +87,7 @@ inline MicromapInput repeated()
         input.add(4, kFourState, states);
     return input;
 }
-// Bytes in use of eightStates: header, records, and data of all triangles, or once of each unknown state.
+// Bytes of eightStates: header, records, and data of all triangles; compacted: once of each unknown state.
 inline constexpr VkDeviceSize kWhole = 64 + 8 * 8 + 8 * 64;
 inline constexpr VkDeviceSize kCompacted = 64 + 8 * 8 + 2 * 64;
 inline const std::vector<int> kForwards{0, 1, 2, 2, 0, 1, 2, 2};
