@@ -24,46 +24,41 @@ VELLUM_FN uint spreadBits(VELLUM_IN uint x)
     return (r | (r << 1u)) & 0x55555555u;
 }
 
-// Index on the curve of a micro-triangle of the highest level. That of the micro-triangle of a lower level that it lies
-// in is what is left when two bits for each level between them are cut off at the end.
-//   iu, iv  its cell in steps of 1 / 2^12
-//   sum     iu + iv, or one more for the cell's far half: 2^12 - 1 less the cells that lie between it and the edge
-//           opposite vertex 0
+// Index on the curve of the micro-triangle of the highest level at barycentrics (u, v), the weights of vertices 1
+// and 2. That of the micro-triangle of a lower level that it lies in is what is left when two bits for each level
+// between them are cut off at the end. Any input is safe: the index of some micro-triangle, and for what is outside by
+// no more than rounding errors, of one at the edge.
 //
 // Seen bit by bit from the top, the micro-triangle lies at vertex 0, in the middle, at vertex 1 or at vertex 2 of the
 // triangle of the level above: child 0 to 3. Where the bits of iu and sum differ, it is child 1 or 3, and child 3 if
 // those of iu and iv differ, too. Where they are equal, it is child 0 or 2. Which of these depends on how often the
 // path so far was flipped, a running parity, which a prefix xor gives for all levels at once.
 VELLUM_CONST uint kFinestMask = (1u << kMaxSubdivisionLevel) - 1u;
-VELLUM_FN uint curveIndexOfCell(VELLUM_IN uint iu, VELLUM_IN uint iv, VELLUM_IN uint sum)
-{
-    const uint low = iu ^ sum;
-    const uint corner = iu ^ iv;
-    uint parity = corner & low;
-    parity = parity ^ (parity >> 1u);
-    parity = parity ^ (parity >> 2u);
-    parity = parity ^ (parity >> 4u) ^ (parity >> 8u); // of 12 bits
-    const uint high = (low & corner) | (~low & (parity ^ iu));
-    return spreadBits(low) | (spreadBits(high) << 1u);
-}
-
-// Index on the curve of the micro-triangle of the highest level at barycentrics (u, v), the weights of vertices 1
-// and 2. Any input is safe: the index of some micro-triangle, and for what is outside by no more than rounding errors,
-// of one at the edge.
 VELLUM_FN uint finestCurveIndex(VELLUM_IN float u, VELLUM_IN float v)
 {
     const float steps = toFloat(1u << kMaxSubdivisionLevel);
     const float cellsU = u * steps;
     const float cellsV = v * steps;
-    uint iu = toUint(cellsU);
-    uint iv = toUint(cellsV);
+    const uint cellU = toUint(cellsU);
+    const uint cellV = toUint(cellsV);
     // The place in the cell. These differences are exact, and so is their sum unless u or v is below 2^-12; that of u
     // and v is rounded, to beyond the diagonal also.
-    const float rest = (cellsU - toFloat(iu)) + (cellsV - toFloat(iv));
-    iv = iv < kFinestMask ? iv : kFinestMask;
-    iu = iu < kFinestMask - iv ? iu : kFinestMask - iv;
-    const uint farHalf = rest >= 1.0f && iu + iv < kFinestMask ? 1u : 0u;
-    return curveIndexOfCell(iu, iv, iu + iv + farHalf);
+    const float rest = (cellsU - toFloat(cellU)) + (cellsV - toFloat(cellV));
+    const uint iv = cellV < kFinestMask ? cellV : kFinestMask;
+    const uint mostU = kFinestMask - iv;
+    const uint iu = cellU < mostU ? cellU : mostU;
+    // One more in the cell's far half: 2^12 - 1 less the cells between the micro-triangle and the edge opposite vertex
+    // 0.
+    const uint unbounded = iu + iv + toUint(rest);
+    const uint sum = unbounded < kFinestMask ? unbounded : kFinestMask;
+
+    const uint low = iu ^ sum;
+    const uint corner = (iu ^ iv) & low;
+    const uint parity1 = corner ^ (corner >> 1u);
+    const uint parity2 = parity1 ^ (parity1 >> 2u);
+    const uint parity = parity2 ^ (parity2 >> 4u) ^ (parity2 >> 8u); // of 12 bits
+    const uint high = corner | (~low & (parity ^ iu));
+    return spreadBits(low) | (spreadBits(high) << 1u);
 }
 
 // The index for a level of 0..12.

@@ -55,16 +55,10 @@ VELLUM_FN uint hitInInstance(VELLUM_IN uint state, VELLUM_IN uint instanceFlags)
 // The result after ray flags are applied.
 VELLUM_FN uint hitOfRay(VELLUM_IN uint inInstance, VELLUM_IN uint rayFlags)
 {
-    uint hit = inInstance;
-    if (hit != kHitIgnored && (rayFlags & kRayOpaque) != 0u)
-        hit = kHitOpaque;
-    else if (hit != kHitIgnored && (rayFlags & kRayNoOpaque) != 0u)
-        hit = kHitNonOpaque;
-    if (hit == kHitOpaque && (rayFlags & kRayCullOpaque) != 0u)
-        return kHitIgnored;
-    if (hit == kHitNonOpaque && (rayFlags & kRayCullNoOpaque) != 0u)
-        return kHitIgnored;
-    return hit;
+    // Without branches, which take drivers longer to compile. kRayOpaque wins over kRayNoOpaque.
+    const uint opaque = ((inInstance & ~(rayFlags >> 1u)) | rayFlags) & 1u;
+    const uint culled = (rayFlags >> (7u - opaque)) & 1u; // kRayCullOpaque is bit 6, kRayCullNoOpaque bit 7
+    return (inInstance | (culled << 1u)) >= kHitIgnored ? kHitIgnored : opaque;
 }
 
 // Resolves a triangle candidate.
@@ -108,7 +102,8 @@ VELLUM_FN uint flagsInTable(VELLUM_IN uint word)
 
 VELLUM_FN uint hitInTable(VELLUM_IN uint word, VELLUM_IN uint state)
 {
-    return state == kStateTransparent ? kHitIgnored : (word >> (kHitTableShift - 2u + 2u * state)) & 3u;
+    const uint shift = kHitTableShift - 2u; // where kStateTransparent would be
+    return (((word & ~(3u << shift)) | (kHitIgnored << shift)) >> (shift + 2u * state)) & 3u;
 }
 
 VELLUM_SHARED_END

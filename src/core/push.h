@@ -235,6 +235,7 @@ struct HitRecordsPush {
     uint reach;                  // greatest record index of a hit above its instance's record offset
     uint oneForAll;              // 1: the one record of a command's table may serve for all indices
     uint copied;                 // 1: the records are at `target` already
+    uint first;                  // of copied records: those before are done
 };
 
 // khr_over_ext/micromap_triangles.comp

@@ -20,6 +20,8 @@ constexpr uint32_t kBytesOfThread = 128; // copied by each thread of hit_records
 constexpr uint32_t kRecordsOfThread = 8; // where the driver has copied them
 // The driver copies larger tables. A smaller one is copied faster by the shader, with a barrier less.
 constexpr VkDeviceSize kLeastTransfer = 16 * 1024;
+// After so many bytes the shader looks for null records in them, while a cache holds them.
+constexpr VkDeviceSize kPiece = 1024 * 1024;
 constexpr VkDeviceSize kCommandBytes = 256;
 static_assert(sizeof(VkTraceRaysIndirectCommand2KHR) <= kCommandBytes);
 
@@ -88,11 +90,25 @@ bool write(DevicePipelines &device, VkCommandBuffer commandBuffer, const Region 
     if (!source.buffer)
         return run(work, push, std::max(table.size, records * table.stride) / kBytesOfThread + 1);
     device.commands.states.keep(commandBuffer, source.owner);
-    const VkBufferCopy region{source.offset, copy.offset, table.size};
-    work.barrier();
-    device.driver.next.CmdCopyBuffer(commandBuffer, source.buffer, copy.buffer, 1, &region);
     push.copied = 1;
-    return run(work, push, records / kRecordsOfThread + 1);
+    const uint64_t recordsOfPiece = table.stride == 0 ? 1 : kPiece / table.stride + 1;
+    bool written = true;
+    work.barrier();
+    for (VkDeviceSize begin = 0; begin < table.size; begin = push.size) {
+        const VkDeviceSize left = table.size - begin;
+        const VkDeviceSize bytes = table.stride == 0 ? left : std::min(left, recordsOfPiece * table.stride);
+        const bool isLast = bytes == left;
+        const VkBufferCopy region{source.offset + begin, copy.offset + begin, bytes};
+        device.driver.next.CmdCopyBuffer(commandBuffer, source.buffer, copy.buffer, 1, &region);
+        push.size = static_cast<uint32_t>(begin + bytes);
+        push.capacity = isLast ? static_cast<uint32_t>(copy.bytes) : push.size;
+        work.barrier();
+        const uint64_t looked = isLast ? records - push.first : recordsOfPiece;
+        written = work.dispatch(InjectedShader::HitRecords, push, looked / kRecordsOfThread + 1, 64) && written;
+        push.first += static_cast<uint32_t>(recordsOfPiece);
+    }
+    work.barrier();
+    return written;
 }
 
 // The hit table that the driver gets. The layer's any-hit shader runs for every triangle that a ray meets, and the

@@ -16,6 +16,7 @@ const uint kHandleWords = kHandleBytes / 4u;
 const uint kUnitBytes = 16u;
 const uint kHandleUnits = kHandleBytes / kUnitBytes;
 const uint kUnitsOfThread = 8u; // in a row of workgroups' units
+const uint kRecordsOfThread = 8u;
 const uint kCommandWords = 26u;
 const uint kHitWord = 10u; // of the command: hit records' address, size and stride, 64 bits each
 const uint kHitWords = 6u;
@@ -85,16 +86,30 @@ void writeStandIn(uvec2 to)
         Words(to).w[w] = Words(push.standIn).w[w];
 }
 
-// Replaces a null handle in the copy.
-void patchRecord(uvec2 at)
+// Replaces null handles in the copy. Few handles begin with 0, so that invocations load some words before they branch.
+void patchRecords(uint records, uint stride)
 {
-    uint bits = Words(at).w[0]; // others are seldom needed
-    if (bits != 0u)
-        return;
-    for (uint w = 1u; w < kHandleWords; ++w)
-        bits |= Words(at).w[w];
-    if (bits == 0u)
-        writeStandIn(at);
+    const uint groups = gl_NumWorkGroups.x * gl_NumWorkGroups.y;
+    const uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
+    const uint recordsOfGroup = gl_WorkGroupSize.x * kRecordsOfThread;
+    for (uint begin = push.first + group * recordsOfGroup; begin < records; begin += groups * recordsOfGroup) {
+        const uint first = begin + gl_LocalInvocationIndex;
+        uint least = 1u;
+        for (uint i = 0u; i < kRecordsOfThread; ++i) {
+            const uint record = min(first + i * gl_WorkGroupSize.x, records - 1u);
+            least = min(least, Words(elementAddress(push.target, record, stride)).w[0]);
+        }
+        if (least != 0u)
+            continue;
+        for (uint record = first; record < min(begin + recordsOfGroup, records); record += gl_WorkGroupSize.x) {
+            const uvec2 at = elementAddress(push.target, record, stride);
+            uint bits = 0u;
+            for (uint w = 0u; w < kHandleWords; ++w)
+                bits |= Words(at).w[w];
+            if (bits == 0u)
+                writeStandIn(at);
+        }
+    }
 }
 
 // Number of records that hold a whole handle.
@@ -155,11 +170,11 @@ void main()
         copyUnits(source, size, stride, records, all);
         return;
     }
-    for (uint record = thread; record < all; record += threads) {
+    if (push.copied != 0u)
+        patchRecords(records, stride);
+    for (uint record = thread + (push.copied != 0u ? records : 0u); record < all; record += threads) {
         const uvec2 target = elementAddress(push.target, record, stride);
-        if (record < records && push.copied != 0u)
-            patchRecord(target);
-        else if (record < records)
+        if (record < records)
             copyRecord(elementAddress(source, record, stride), target, min(stride, size - record * stride) / 4u);
         else
             writeStandIn(target);

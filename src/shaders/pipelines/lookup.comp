@@ -72,40 +72,9 @@ uvec2 vellumPlus(const in uvec2 address, const in uint low)
     return uvec2(sum, address.y + (sum < low ? 1u : 0u));
 }
 
+const uint kCoarseShift = 2u * (kMaxSubdivisionLevel - kCoarseLevel) - 1u;             // of the index, to twice the coarse one
 const uint kCoarseBits = 2u * ((1u << (2u * kCoarseLevel)) - 1u);                      // of the coarse index, times two
 const uint kKindFinest4 = kKindData + 2u * (kMaxSubdivisionLevel - kCoarseLevel) - 1u; // 4-state data of the highest level
-
-// State of the micro-triangle at barycentrics uv.
-//   geometries  address of the BLAS's geometry records
-//   triangle    index of the triangle's record, from the same address on
-//   geometry    address of the geometry's record
-uint vellumState(const in uvec2 geometries, const in uint triangle, const in uvec2 geometry, const in vec2 uv)
-{
-    // Loaded early, so that it does not wait for the triangle's record.
-    const uvec2 units = uvec2(Geometry(geometry).units);
-    const uvec2 record = uvec2(Pairs(geometries).at[triangle].words);
-    // The index does not depend on the record, and is computed while that is loaded. Its leading digits are the index at every
-    // level: the coarse level and the micromap's.
-    const uint index = finestCurveIndex(uv.x, uv.y);
-    const uint coarse = (record.y >> ((index >> (2u * (kMaxSubdivisionLevel - kCoarseLevel) - 1u)) & kCoarseBits)) & 3u;
-    const uint kind = record.x & kKindMask;
-    const bool far = kind == kKindFar;
-    uint state = coarse;
-    // A single return, because of LLVM 21 in lavapipe 26: with a return here, and loops in the body of the query's loop
-    // (Shapes.*/16), it zeroes the register of a -1 that the driver's traversal compares with, restores it only on the path
-    // that skips the load, and the traversal does not end.
-    if (far || (kind != kKindInline && coarse >= kCoarseLook)) {
-        const uint n = far ? ((record.x >> kUnitShift) & kKindMask) + kKindData : kind;
-        const uint fourState = (n & 1u) ^ 1u;
-        // In 4-state data one bit below the level remains, where the lower bit of the state is.
-        const uint digits = (index << 1u) >> (kKindFinest4 - n);
-        const uint bit = (digits & ~fourState) + (far ? record.x >> (kFarByteShift - 3u) & kFarByteMask << 3u : 0u);
-        const uint unit = (far ? record.y : record.x >> kUnitShift) + (bit >> 7u);
-        const uint word = Word(vellumPlus(uvec2(units.x, units.y + (unit >> 28u)), (unit << 4u) | ((bit >> 3u) & 12u))).w;
-        state = (word >> (bit & 31u)) & (1u + 2u * fourState);
-    }
-    return state;
-}
 
 // The instance record of a slot.
 uvec4 vellumInstance(const in uint slot)
@@ -115,21 +84,46 @@ uvec4 vellumInstance(const in uint slot)
 }
 
 // kHit* of a triangle candidate that is non-opaque for the driver. rayFlags are the application's.
+// A driver compiles this for each any-hit shader, and a branch takes it longer than instructions: mix() selects without one.
+// A single return, because of LLVM 21 in lavapipe 26: with a return after the coarse mask, and loops in the body of the
+// query's loop (Shapes.*/16), it zeroes the register of a -1 that the driver's traversal compares with, restores it only on
+// the path that skips the load, and the traversal does not end.
 uint vellumResolve(const in uvec4 instance, const in uint geometry, const in uint primitive, const in vec2 uv,
                    const in uint rayFlags)
 {
-    const uvec2 geometries = instance.zw;
     // Also for the only geometry. The shift does not overflow: 2^28 records would take 4 GiB.
-    const uvec2 ofGeometry = vellumPlus(geometries, geometry << 4u);
+    const uvec2 geometryRecord = vellumPlus(instance.zw, geometry << 4u);
     uint word = instance.y;
     if ((word & kManyGeometries) != 0u)
-        word &= Geometry(ofGeometry).triangles;
+        word &= Geometry(geometryRecord).triangles;
     const uint triangles = word >> kGeometryTrianglesShift;
     uint state = (word & kGeometryRecordOpaque) != 0u ? kStateOpaque : kStateNone;
     if (triangles != 0u) {
-        state = vellumState(geometries, triangles + primitive, ofGeometry, uv);
-        if ((rayFlags & kRayForce2State) != 0u)
-            state &= 1u;
+        // Loaded early, so that it does not wait for the triangle's record.
+        const uvec2 units = uvec2(Geometry(geometryRecord).units);
+        const uvec2 record = uvec2(Pairs(instance.zw).at[triangles + primitive].words);
+        // The index does not depend on the record, and is computed while that is loaded. Its leading digits are the
+        // index at every level: the coarse level and the micromap's.
+        const uint index = finestCurveIndex(uv.x, uv.y);
+        state = (record.y >> ((index >> kCoarseShift) & kCoarseBits)) & 3u;
+        const uint kind = record.x & kKindMask;
+        // The coarse mask answers, unless the kind is greater than this.
+        const uint answered = state < kCoarseLook ? kKindFar - 1u : kKindInline;
+        if (kind > answered) {
+            const bool far = kind == kKindFar;
+            const uint near = record.x >> kUnitShift;
+            const uint n = mix(kind, (near & kKindMask) + kKindData, far);
+            const uint fourState = ~n & 1u;
+            // In 4-state data one bit below the level remains, where the lower bit of the state is.
+            const uint digits = (index << 1u) >> (kKindFinest4 - n);
+            const uint farByte = (record.x >> (kFarByteShift - 3u)) & (kFarByteMask << 3u); // its first bit
+            const uint bit = (digits & ~fourState) + mix(0u, farByte, far);
+            const uint unit = mix(near, record.y, far) + (bit >> 7u);
+            const uvec2 base = uvec2(units.x, units.y + (unit >> 28u));
+            const uint data = Word(vellumPlus(base, (unit << 4u) | ((bit >> 3u) & 12u))).w;
+            state = (data >> (bit & 31u)) & (1u + 2u * fourState);
+        }
+        state = mix(state, state & 1u, (rayFlags & kRayForce2State) != 0u);
     }
     return hitOfRay(hitInTable(instance.x, state), rayFlags);
 }

@@ -148,21 +148,52 @@ Id Linker::importGlobal(Instruction in, Id id)
 Id Linker::importFunction(Id id)
 {
     const auto &code = library_->section(Section::Functions);
-    const size_t begin = functions_[id];
-    size_t end = begin;
+    const auto begin = code.begin() + static_cast<ptrdiff_t>(functions_[id]);
+    const auto end = std::ranges::find(begin, code.end(), spv::OpFunctionEnd, &Instruction::opcode);
+    std::vector<Instruction> body(begin, end + 1);
+    const std::map<Id, Id> constants = localConstants(body);
+    const auto isReplaced = [&](Instruction in) {
+        return (in.opcode == spv::OpVariable && constants.contains(library_->word(in, 2))) ||
+               (in.opcode == spv::OpStore && constants.contains(library_->word(in, 1))) ||
+               (in.opcode == spv::OpLoad && constants.contains(library_->word(in, 3)));
+    };
     // Results first: phis and branches refer forward.
-    do {
-        if (const Id result = library_->result(code[end]))
+    for (const Instruction in : body) {
+        if (in.opcode == spv::OpLoad && isReplaced(in))
+            imported_[library_->result(in)] = import(constants.at(library_->word(in, 3)));
+        else if (const Id result = library_->result(in))
             imported_[result] = module_.newId();
-    } while (code[end++].opcode != spv::OpFunctionEnd);
-    return importBody(begin, end) ? imported_[id] : 0;
+    }
+    std::erase_if(body, isReplaced);
+    return importBody(body) ? imported_[id] : 0;
 }
 
-bool Linker::importBody(size_t begin, size_t end)
+// Local variables that are stored once, before they are loaded, and not used in another way, with what is stored. These
+// are what glslang makes of constants. Drivers compile code without them faster.
+std::map<Id, Id> Linker::localConstants(std::span<const Instruction> body) const
 {
-    std::vector<Instruction> body;
-    for (size_t k = begin; k < end; ++k) {
-        const Instruction in = library_->section(Section::Functions)[k];
+    std::map<Id, Id> values; // 0: not a constant
+    for (const Instruction in : body) {
+        if (in.opcode == spv::OpVariable)
+            continue;
+        const bool isStore = in.opcode == spv::OpStore;
+        for (uint32_t i = 1; i < in.count; ++i) {
+            const Id id = library_->word(in, i);
+            if (library_->definition(id).opcode != spv::OpVariable)
+                continue;
+            const auto [known, isFirst] = values.try_emplace(id, isStore ? library_->word(in, 2) : 0);
+            if (!isFirst && in.opcode != spv::OpLoad)
+                known->second = 0;
+        }
+    }
+    std::erase_if(values, [](const auto &value) { return value.second == 0; });
+    return values;
+}
+
+bool Linker::importBody(std::span<const Instruction> body)
+{
+    std::vector<Instruction> imported;
+    for (const Instruction in : body) {
         if (in.opcode == spv::OpLine || in.opcode == spv::OpNoLine)
             continue;
         const bool isFunction = in.opcode == spv::OpFunction;
@@ -179,9 +210,9 @@ bool Linker::importBody(size_t begin, size_t end)
             if (!error_.empty())
                 return false;
         }
-        body.push_back(module_.make(in.opcode, operands));
+        imported.push_back(module_.make(in.opcode, operands));
     }
-    code_.insert(code_.end(), body.begin(), body.end());
+    code_.insert(code_.end(), imported.begin(), imported.end());
     return true;
 }
 

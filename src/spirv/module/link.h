@@ -34,7 +34,8 @@ private:
     Id import(Id id);
     Id importGlobal(Instruction in, Id id);
     Id importFunction(Id id);
-    bool importBody(size_t begin, size_t end);
+    std::map<Id, Id> localConstants(std::span<const Instruction> body) const;
+    bool importBody(std::span<const Instruction> body);
     void importDecorations();
     bool declareAddressing();
     Id fail(const std::string &what);

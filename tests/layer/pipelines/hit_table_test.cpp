@@ -692,6 +692,15 @@ TEST_F(HitTablesOfGeometries, Many)
     expectHits(700, 0, {.sbtOffset = 15, .sbtStride = 15}, false);
 }
 
+// The layer copies so long a table in several pieces.
+TEST_F(HitTablesOfGeometries, InPieces)
+{
+    PipelineTracerSetup setup{.sbtStride = 1};
+    setup.records.assign(100'000, std::nullopt);
+    for (const uint32_t record : {0u, 16'383u, 32'767u, 65'535u, 99'998u})
+        expectHits(2, record, setup, false);
+}
+
 // The device does not know the offset before the trace is recorded.
 TEST_F(HitTablesOfGeometries, BuiltInTheSameSubmission)
 {
