@@ -20,7 +20,7 @@ constexpr uint32_t kBytesOfThread = 128; // copied by each thread of hit_records
 constexpr uint32_t kRecordsOfThread = 8; // where the driver has copied them
 // The driver copies larger tables. A smaller one is copied faster by the shader, with a barrier less.
 constexpr VkDeviceSize kLeastTransfer = 16 * 1024;
-// After so many bytes the shader looks for null records in them, while a cache holds them.
+// After so many bytes of a driver on a CPU, the shader looks for null records in them, while a cache holds them.
 constexpr VkDeviceSize kPiece = 1024 * 1024;
 constexpr VkDeviceSize kCommandBytes = 256;
 static_assert(sizeof(VkTraceRaysIndirectCommand2KHR) <= kCommandBytes);
@@ -91,7 +91,8 @@ bool write(DevicePipelines &device, VkCommandBuffer commandBuffer, const Region 
         return run(work, push, std::max(table.size, records * table.stride) / kBytesOfThread + 1);
     device.commands.states.keep(commandBuffer, source.owner);
     push.copied = 1;
-    const uint64_t recordsOfPiece = table.stride == 0 ? 1 : kPiece / table.stride + 1;
+    const VkDeviceSize piece = device.driver.threads == 0 ? table.size : kPiece;
+    const uint64_t recordsOfPiece = table.stride == 0 ? 1 : piece / table.stride + 1;
     bool written = true;
     work.barrier();
     for (VkDeviceSize begin = 0; begin < table.size; begin = push.size) {
