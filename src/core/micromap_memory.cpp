@@ -132,20 +132,6 @@ Record recordAt(const Triangle &t, uint64_t unit, uint32_t byte)
     return {kKindFar | t.kind() << kUnitShift | byte << kFarByteShift, static_cast<uint32_t>(unit)};
 }
 
-// Returns whether a record names data that a micromap with so many units has, or none.
-bool staysInside(const Record &record, uint32_t units)
-{
-    const uint32_t kind = record.word0 & kKindMask;
-    if (kind == kKindInline)
-        return true;
-    const bool far = kind == kKindFar;
-    const uint32_t n = far ? record.word0 >> kUnitShift & kKindMask : kind - kKindData;
-    const uint64_t unit = far ? record.word1 : record.word0 >> kUnitShift;
-    const uint32_t before = far ? (record.word0 >> kFarByteShift & kFarByteMask) * 8 : 0;
-    return n < kDataKinds &&
-           unit + (before + (uint64_t{1 + (n & 1)} << (2 * (kCoarseLevel + 1 + n / 2))) + 127) / 128 <= units;
-}
-
 // A triangle of a micromap, by its record: its data is at dataOffset of the data units. Without data it is invalid.
 struct Built : Triangle {
     Record record;
@@ -169,7 +155,7 @@ Built readBuilt(const uint8_t *memory, uint32_t i, const uint8_t *units, uint32_
 {
     Built t;
     t.record = readRecord(memory, i);
-    if (!staysInside(t.record, unitCount))
+    if (!staysInside(t.record.word0, t.record.word1, unitCount))
         t.record = {kKindInline, kUnknown};
     const uint32_t kind = t.record.word0 & kKindMask;
     t.valid = kind != kKindInline;
@@ -338,7 +324,8 @@ void distrustMicromapRecords(uint8_t *memory)
     std::memcpy(header, memory, sizeof header);
     const uint64_t records = (uint64_t{header[kMicromapHeaderTriangles]} + 1) / 2 * 2;
     for (uint64_t i = 0; i < records; ++i) {
-        if (!staysInside(readRecord(memory, i), header[kMicromapHeaderUnits]))
+        if (const Record record = readRecord(memory, i);
+            !staysInside(record.word0, record.word1, header[kMicromapHeaderUnits]))
             writeRecord(memory, i, {kKindInline, kUnknown});
     }
 }

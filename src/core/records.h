@@ -41,6 +41,20 @@ VELLUM_CONST uint kCoarseLook = 2u;
 
 VELLUM_CONST uint kDataUnitBytes = 16u;
 
+// Returns whether the data that a triangle record names, if any, lies inside a micromap with so many data units.
+VELLUM_FN bool staysInside(VELLUM_IN uint word0, VELLUM_IN uint word1, VELLUM_IN uint units)
+{
+    const uint kind = word0 & kKindMask;
+    const bool far = kind == kKindFar;
+    const uint n = far ? word0 >> kUnitShift & kKindMask : kind - kKindData;
+    if (kind == kKindInline || n >= kDataKinds)
+        return kind == kKindInline;
+    const uint before = far ? (word0 >> kFarByteShift & kFarByteMask) * 8u : 0u;
+    const uint bits = before + ((1u + (n & 1u)) << (2u * (kCoarseLevel + 1u + (n >> 1u))));
+    const uint needed = (bits + kDataUnitBytes * 8u - 1u) / (kDataUnitBytes * 8u);
+    return needed <= units && (far ? word1 : word0 >> kUnitShift) <= units - needed;
+}
+
 // --- micromap header ---
 VELLUM_CONST uint kMaxMicromapTriangles = 0x08000000u; // VkPhysicalDeviceOpacityMicromapPropertiesKHR
 VELLUM_CONST uint kMicromapHeaderWords = 16u;

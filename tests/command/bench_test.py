@@ -177,8 +177,11 @@ class IncompleteTest(unittest.TestCase):
         children = pathlib.Path(f"/proc/{process.pid}/task/{process.pid}/children")
 
         def checks():
-            return any(b"check" in pathlib.Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
-                       for child in children.read_text().split())
+            try:
+                return any(b"check" in pathlib.Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
+                           for child in children.read_text().split())
+            except (FileNotFoundError, ProcessLookupError):  # a child has ended meanwhile
+                return False
 
         while not checks():
             self.assertIsNone(process.poll())

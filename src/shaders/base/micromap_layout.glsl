@@ -17,20 +17,7 @@ uvec2 micromapUnits(uvec2 micromap, uint triangles)
 // the micromap.
 uvec2 trustedRecord(uvec2 record, uint units)
 {
-    const uint kind = record.x & kKindMask;
-    if (kind == kKindInline)
-        return record;
-    const bool far = kind == kKindFar;
-    const uint n = far ? record.x >> kUnitShift & kKindMask : kind - kKindData;
-    const uint unit = far ? record.y : record.x >> kUnitShift;
-    if (n < kDataKinds) {
-        const uint before = far ? (record.x >> kFarByteShift & kFarByteMask) * 8u : 0u;
-        const uint bits = before + (1u + (n & 1u) << 2u * (kCoarseLevel + 1u + (n >> 1u)));
-        const uint needed = (bits + kDataUnitBytes * 8u - 1u) / (kDataUnitBytes * 8u);
-        if (needed <= units && unit <= units - needed)
-            return record;
-    }
-    return uvec2(kKindInline, ~0u);
+    return staysInside(record.x, record.y, units) ? record : uvec2(kKindInline, ~0u);
 }
 
 // Bytes of a micromap that are in use, in 64 bits.
