@@ -48,13 +48,8 @@ void buildMicromap(gpu::Device &device, VkBuildMicromapFlagsEXT flags, size_t be
     micromap.build();
     if (!compacted)
         return;
-    const VkQueryType type = micromapQueryType(device, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
-    const gpu::QueryPool pool(device, type);
-    device.submit([&](VkCommandBuffer commands) {
-        vkCmdResetQueryPool(commands, pool, 0, 1);
-        recordMicromapProperties(device, commands, std::span(&micromap.handle(), 1), type, pool, 0);
-    });
-    const gpu::Micromap copy(device, micromap, pool.value());
+    const VkDeviceSize size = queryMicromap(device, micromap.handle(), VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
+    const gpu::Micromap copy(device, micromap, size);
     device.submit([&](VkCommandBuffer commands) {
         recordMicromapCopy(device, commands, micromap.handle(), copy.handle(), VK_COPY_MICROMAP_MODE_COMPACT_EXT);
     });

@@ -153,6 +153,7 @@ private:
     bool list(const Node &node, Frame &frame);
     struct Parts;
     void uniform(const Node &node, uint32_t depth);
+    void unknown(const Node &node);
     void leaf(const Node &node, size_t list, size_t count);
     // The lattice point of a micro-triangle, seen from a cell.
     [[nodiscard]] Point cornerIn(const SubTriangle &sub, int64_t x, int64_t y) const
@@ -231,6 +232,11 @@ void Classifier::Walk::descendWide(const Node &node, uint32_t depth)
         uniform(node, depth);
         return;
     }
+    unknown(node);
+}
+
+void Classifier::Walk::unknown(const Node &node)
+{
     side_ = -1;
     writeState(packed_, node.index, Format::FourState, guess(node.sub));
 }
@@ -245,12 +251,10 @@ struct Classifier::Walk::Window {
 void Classifier::Walk::search(const Node &node, uint32_t depth, const Window *around)
 {
     if (depth == level_) {
-        if (!isMixed(node.sub, around)) {
+        if (isMixed(node.sub, around))
+            unknown(node);
+        else
             uniform(node, depth);
-            return;
-        }
-        side_ = -1;
-        writeState(packed_, node.index, Format::FourState, guess(node.sub));
         return;
     }
     if (level_ - depth > kLevelsBetweenPolls)
@@ -537,8 +541,7 @@ void Classifier::Walk::leaf(const Node &node, size_t list, size_t count)
     for (size_t n = 0; n < count; ++n) {
         const uint32_t which = scratch_.lists[list + n];
         if (crosses(node.sub, scratch_.cells[which], scratch_.near[which])) {
-            side_ = -1;
-            writeState(packed_, node.index, Format::FourState, guess(node.sub));
+            unknown(node);
             return;
         }
     }

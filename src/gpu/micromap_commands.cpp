@@ -230,6 +230,16 @@ void recordMicromapProperties(const Device &gpu, VkCommandBuffer commands, std::
         gpu.vk().CmdWriteMicromapsPropertiesEXT(commands, count, ext.data(), type, pool, first);
 }
 
+VkDeviceSize queryMicromap(Device &gpu, MicromapHandle micromap, VkQueryType type)
+{
+    const QueryPool pool(gpu, micromapQueryType(gpu, type));
+    gpu.submit([&](VkCommandBuffer commands) {
+        vkCmdResetQueryPool(commands, pool, 0, 1);
+        recordMicromapProperties(gpu, commands, std::span(&micromap, 1), pool.type(), pool, 0);
+    });
+    return pool.value();
+}
+
 template <class Command>
 void HostCommands::run(const Command &command) const
 {

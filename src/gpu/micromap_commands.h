@@ -108,6 +108,8 @@ VkQueryType micromapQueryType(const Device &gpu, VkQueryType type);
 // `type` as a pool was created with.
 void recordMicromapProperties(const Device &gpu, VkCommandBuffer commands, std::span<const MicromapHandle> micromaps,
                               VkQueryType type, VkQueryPool pool, uint32_t first);
+// A property of one micromap, which the device is asked for at once. `type`: as of VK_EXT_opacity_micromap.
+VkDeviceSize queryMicromap(Device &gpu, MicromapHandle micromap, VkQueryType type);
 // Host commands of VK_EXT_opacity_micromap, at once or as deferred operations, which are joined.
 class HostCommands
 {

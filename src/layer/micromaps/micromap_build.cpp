@@ -288,7 +288,7 @@ private:
         stage(InjectedShader::MicromapClear, [](const OneBuild &) { return kScratchCounterWords; });
         stage(InjectedShader::MicromapLossy, [](const OneBuild &build) { return build.triangles(); });
         if (anyParts)
-            stage(InjectedShader::MicromapLossyParts, parts, 64, kBuildAnalysing);
+            stage(InjectedShader::MicromapLossyParts, parts, kBuildAnalysing);
         stage(InjectedShader::MicromapLossyChoose,
               [](const OneBuild &build) { return std::max<uint64_t>(build.parts(), 1); });
         if (anyParts)
@@ -304,7 +304,7 @@ private:
 
     // Runs one shader for every build, then a barrier. `invocations(build)`: 0 if the build does not need the stage.
     template <typename Invocations>
-    void stage(InjectedShader shader, Invocations invocations, uint32_t groupSize = 64, uint32_t flags = 0)
+    void stage(InjectedShader shader, Invocations invocations, uint32_t flags = 0)
     {
         for (const OneBuild &build : builds_) {
             const uint64_t count = invocations(build);
@@ -313,7 +313,7 @@ private:
             MicromapPush push = build.push;
             push.flags |= flags;
             if (recording_)
-                work_.dispatch(shader, push, count, groupSize);
+                work_.dispatch(shader, push, count, 64);
             else
                 prepared_ = prepared_ && work_.prepare(shader);
         }

@@ -176,12 +176,12 @@ VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR 
     } else if (needed == 0 || needed > capacity) {
         target.invalidate();
         reportCopy(device, needed == 0 ? kNotBuilt : kTooLarge, info->dst);
-    } else if (compact) {
-        recordMicromapBound(device, *micromapOf(info->dst), boundOf(needed));
-        compactMicromapMemory(source.bytes(), target.bytes());
     } else {
         recordMicromapBound(device, *micromapOf(info->dst), boundOf(needed));
-        std::memcpy(target.bytes(), source.bytes(), used);
+        if (compact)
+            compactMicromapMemory(source.bytes(), target.bytes());
+        else
+            std::memcpy(target.bytes(), source.bytes(), used);
     }
     return done(operation);
 }

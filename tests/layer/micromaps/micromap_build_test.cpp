@@ -76,13 +76,7 @@ protected:
     }
     VkDeviceSize compactedSize(const Micromap &micromap)
     {
-        const VkQueryType type = micromapQueryType(gpu(), VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
-        const QueryPool pool(gpu(), type);
-        gpu().submit([&](VkCommandBuffer commands) {
-            vkCmdResetQueryPool(commands, pool, 0, 1);
-            recordMicromapProperties(gpu(), commands, std::span(&micromap.handle(), 1), type, pool, 0);
-        });
-        return pool.value();
+        return queryMicromap(gpu(), micromap.handle(), VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
     }
     static void expectEqual(const Micromap &micromap, const std::vector<uint8_t> &expected)
     {

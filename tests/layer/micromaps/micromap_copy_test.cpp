@@ -50,16 +50,7 @@ protected:
     static constexpr VkDeviceSize kRepetitiveBuilt = 64 + 30 * 8 + 30 * 256;
     static constexpr VkDeviceSize kRepetitiveCompacted = 64 + 30 * 8 + 8 * 256;
 
-    VkDeviceSize query(const Micromap &micromap, VkQueryType extType)
-    {
-        const VkQueryType type = micromapQueryType(gpu(), extType);
-        const QueryPool pool(gpu(), type);
-        gpu().submit([&](VkCommandBuffer commands) {
-            vkCmdResetQueryPool(commands, pool, 0, 1);
-            recordMicromapProperties(gpu(), commands, std::span(&micromap.handle(), 1), type, pool, 0);
-        });
-        return pool.value();
-    }
+    VkDeviceSize query(const Micromap &m, VkQueryType type) { return queryMicromap(gpu(), m.handle(), type); }
     VkDeviceSize compactedSize(const Micromap &m) { return query(m, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT); }
     VkDeviceSize serializedSize(const Micromap &m) { return query(m, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT); }
     [[nodiscard]] VkDeviceSize reported(VkDeviceSize bytes) { return reportedSize(gpu(), bytes); }

@@ -93,18 +93,7 @@ protected:
     }
     VkDeviceSize compactedSize(const Micromap &micromap)
     {
-        const QueryPool pool(gpu_, khr() ? VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR
-                                         : VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
-        const VkMicromapEXT ext = micromap.handle().ext;
-        const VkAccelerationStructureKHR structure = micromap.handle().khr;
-        gpu_.submit([&](VkCommandBuffer commands) {
-            vkCmdResetQueryPool(commands, pool, 0, 1);
-            if (khr())
-                gpu_.vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 1, &structure, pool.type(), pool, 0);
-            else
-                gpu_.vk().CmdWriteMicromapsPropertiesEXT(commands, 1, &ext, pool.type(), pool, 0);
-        });
-        return pool.value();
+        return queryMicromap(gpu_, micromap.handle(), VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
     }
     // Candidates at the centres of four triangles with the micromap.
     std::vector<uint32_t> candidates(const Micromap &micromap)
