@@ -341,6 +341,7 @@ TEST(StoredMicromaps, IndicesAreChecked)
     EXPECT_EQ(sample.finding(),
               where + "micromapIndices: accessor 1: element 1 is -5, neither an index nor a special index");
     sample.componentType = "5126";
+    sample.indices.resize(8);
     EXPECT_EQ(sample.finding(),
               where + "micromapIndices: accessor 1 is not SCALAR of type 5121, 5122, 5123, 5124 or 5125");
     sample = MicromapFile();
@@ -349,6 +350,20 @@ TEST(StoredMicromaps, IndicesAreChecked)
     sample.indices = {0, 0, 0, 1, 0};
     sample.accessor = R"(, "byteOffset": 1)";
     EXPECT_EQ(sample.finding(), where + "micromapIndices: accessor 1 is not aligned to its component type");
+}
+
+TEST(StoredMicromaps, IndicesCanBeSparse)
+{
+    MicromapFile sample;
+    ASSERT_EQ(sample.read().primitives.begin()->second.indices, (std::vector<int32_t>{0, 1}));
+    // Replaces element 1, which the third byte of the indices names, by the first index.
+    sample.accessor = R"(, "sparse": {"count": 1, "indices": {"bufferView": 2, "byteOffset": 2, "componentType": 5121},
+                         "values": {"bufferView": 2}})";
+    EXPECT_EQ(sample.read().primitives.begin()->second.indices, (std::vector<int32_t>{0, 0}));
+    sample.accessor = R"(, "sparse": {"count": 3, "indices": {"bufferView": 2, "componentType": 5121},
+                         "values": {"bufferView": 2}})";
+    EXPECT_EQ(sample.finding(),
+              "mesh 0 \"leaves\" primitive 0: micromapIndices: accessor 1 (sparse) replaces 3 of 2 elements");
 }
 
 TEST(StoredMicromaps, EveryFindingIsListed)

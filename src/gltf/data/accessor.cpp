@@ -124,7 +124,7 @@ const gltf_json::Accessor &accessorAt(const gltf_json::Model &model, int index, 
 // glTF 2.0, 3.6.2.2 ("Accessor Data Types").
 size_t componentBytes(int type, const std::string &what)
 {
-    if (type == gltf_json::kInt || gltf_json::bytesOf(type) == 0)
+    if (gltf_json::bytesOf(type) == 0)
         throw GltfError(what + ": component type " + std::to_string(type) + " does not exist in glTF");
     return gltf_json::bytesOf(type);
 }
@@ -165,6 +165,7 @@ public:
     static constexpr uint32_t kAll = 0xffffffff;
     [[nodiscard]] std::vector<float> floats(uint32_t c) const;
     [[nodiscard]] std::vector<uint32_t> indices() const;
+    [[nodiscard]] std::vector<int64_t> micromapIndices() const;
 
 private:
     void readSparse(const BufferViews &views, size_t packed);
@@ -173,6 +174,8 @@ private:
     std::vector<float> converted(uint32_t c, Value value) const;
     template <typename T>
     std::vector<float> integersConverted(uint32_t c) const;
+    template <typename T>
+    std::vector<int64_t> specialIndices() const;
 
     const gltf_json::Model &model_;
     const gltf_json::Accessor &source_;
@@ -303,6 +306,37 @@ std::vector<uint32_t> AccessorReader::indices() const
     return values;
 }
 
+template <typename T>
+std::vector<int64_t> AccessorReader::specialIndices() const
+{
+    if (source_.bufferView >= 0) {
+        const size_t begin = model_.bufferViews[static_cast<size_t>(source_.bufferView)].byteOffset;
+        if ((begin + source_.byteOffset) % sizeof(T) != 0 || strideOf(source_.bufferView, sizeof(T)) % sizeof(T) != 0)
+            throw GltfError(name_ + " is not aligned to its component type");
+    }
+    std::vector<int64_t> values;
+    values.reserve(count());
+    for (size_t i = 0; i < count(); ++i) {
+        const T value = load<T>(elements_[i]);
+        const bool isSpecial = std::is_unsigned_v<T> && value > std::numeric_limits<T>::max() - 4;
+        values.push_back(isSpecial ? int64_t{value} - std::numeric_limits<T>::max() - 1 : int64_t{value});
+    }
+    return values;
+}
+
+std::vector<int64_t> AccessorReader::micromapIndices() const
+{
+    const bool isScalar = components_ == 1 && !source_.normalized;
+    switch (isScalar ? source_.componentType : gltf_json::kFloat) {
+    case gltf_json::kUnsignedByte: return specialIndices<uint8_t>();
+    case gltf_json::kUnsignedShort: return specialIndices<uint16_t>();
+    case gltf_json::kUnsignedInt: return specialIndices<uint32_t>();
+    case gltf_json::kShort: return specialIndices<int16_t>();
+    case gltf_json::kInt: return specialIndices<int32_t>();
+    default: throw GltfError(name_ + " is not SCALAR of type 5121, 5122, 5123, 5124 or 5125");
+    }
+}
+
 } // namespace
 
 std::vector<float> readFloats(const BufferViews &views, int accessor, uint32_t components, const std::string &what)
@@ -324,6 +358,11 @@ std::vector<float> readAlphas(const BufferViews &views, int accessor, const std:
 std::vector<uint32_t> readIndices(const BufferViews &views, int accessor, const std::string &what)
 {
     return AccessorReader(views, accessor, 1, what).indices();
+}
+
+std::vector<int64_t> readMicromapIndices(const BufferViews &views, int accessor, const std::string &what)
+{
+    return AccessorReader(views, accessor, 0, what).micromapIndices();
 }
 
 size_t countElements(const BufferViews &views, int accessor, const std::string &what)

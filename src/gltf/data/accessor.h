@@ -69,6 +69,11 @@ std::vector<float> readAlphas(const BufferViews &views, int accessor, const std:
 // Vertex indices, from unsigned 8/16/32-bit data.
 std::vector<uint32_t> readIndices(const BufferViews &views, int accessor, const std::string &what);
 
+// Indices of micromap triangles, from integers of 8, 16 or 32 bits. The four highest numbers of an unsigned type are
+// the special indices -4 to -1 ("MUST be stored as the two's-complement bit pattern of the signed value",
+// EXT_mesh_opacity_micromap). Elements must be aligned to their type.
+std::vector<int64_t> readMicromapIndices(const BufferViews &views, int accessor, const std::string &what);
+
 // The number of elements, after a check that all of them are there.
 size_t countElements(const BufferViews &views, int accessor, const std::string &what);
 

@@ -91,37 +91,6 @@ std::string number(uint64_t value)
     return std::to_string(value);
 }
 
-// "Special indices MUST be stored as the two's-complement bit pattern of the signed value": in an unsigned type the
-// four highest numbers.
-template <typename T>
-int64_t lookupValue(const uint8_t *bytes)
-{
-    const T value = load<T>(bytes);
-    if constexpr (std::is_unsigned_v<T>)
-        if (value > std::numeric_limits<T>::max() - 4)
-            return static_cast<int64_t>(value) - std::numeric_limits<T>::max() - 1;
-    return value;
-}
-
-using ReadLookup = int64_t (*)(const uint8_t *);
-
-struct LookupType {
-    size_t bytes;
-    ReadLookup read;
-};
-
-std::optional<LookupType> lookupType(int componentType)
-{
-    switch (componentType) {
-    case gltf_json::kUnsignedByte: return LookupType{1, lookupValue<uint8_t>};
-    case gltf_json::kUnsignedShort: return LookupType{2, lookupValue<uint16_t>};
-    case gltf_json::kUnsignedInt: return LookupType{4, lookupValue<uint32_t>};
-    case gltf_json::kShort: return LookupType{2, lookupValue<int16_t>};
-    case gltf_json::kInt: return LookupType{4, lookupValue<int32_t>};
-    default: return std::nullopt;
-    }
-}
-
 uint64_t bufferBytes(const gltf_json::Model &model)
 {
     uint64_t bytes = 0;
@@ -489,31 +458,16 @@ std::vector<int32_t> ExtensionReader::readIndices(int64_t index, uint64_t triang
     const std::string what = "micromapIndices: accessor " + std::to_string(index);
     if (index >= static_cast<int64_t>(model.accessors.size()))
         fail(what + " does not exist");
-    const gltf_json::Accessor &accessor = model.accessors[static_cast<size_t>(index)];
-    const auto type = lookupType(accessor.componentType);
-    if (accessor.components != 1 || !type || accessor.normalized)
-        fail(what + " is not SCALAR of type 5121, 5122, 5123, 5124 or 5125");
-    if (accessor.count != triangles)
-        fail(what + " has " + number(accessor.count) + " elements for " + number(triangles) + " triangles");
-    if (accessor.sparse || accessor.bufferView < 0)
-        fail(what + " has no buffer view of its own or is sparse, which is not supported");
-    const auto bytes = document_.bufferViews().bytes(accessor.bufferView, what);
-    const gltf_json::BufferView &range = model.bufferViews[static_cast<size_t>(accessor.bufferView)];
-    const size_t stride = range.byteStride == 0 ? type->bytes : range.byteStride;
-    if ((range.byteOffset + accessor.byteOffset) % type->bytes != 0 || stride % type->bytes != 0)
-        fail(what + " is not aligned to its component type");
-    if (stride < type->bytes ||
-        (accessor.count > 0 &&
-         (accessor.byteOffset > bytes.size() || type->bytes > bytes.size() - accessor.byteOffset ||
-          accessor.count - 1 > (bytes.size() - accessor.byteOffset - type->bytes) / stride)))
-        fail(what + " reaches outside of its buffer view");
-    account(accessor.count * sizeof(int32_t));
+    account(model.accessors[static_cast<size_t>(index)].count * sizeof(int32_t));
+    const std::vector<int64_t> values =
+        readMicromapIndices(document_.bufferViews(), static_cast<int>(index), "micromapIndices");
+    if (values.size() != triangles)
+        fail(what + " has " + number(values.size()) + " elements for " + number(triangles) + " triangles");
     std::vector<int32_t> indices;
-    indices.reserve(accessor.count);
-    for (size_t i = 0; i < accessor.count; ++i) {
-        const int64_t value = type->read(&bytes[accessor.byteOffset + i * stride]);
+    indices.reserve(values.size());
+    for (const int64_t value : values) {
         if (value < -4 || value > std::numeric_limits<int32_t>::max())
-            fail(what + ": element " + number(i) + " is " + std::to_string(value) +
+            fail(what + ": element " + number(indices.size()) + " is " + std::to_string(value) +
                  ", neither an index nor a special index");
         indices.push_back(static_cast<int32_t>(value));
     }
