@@ -541,7 +541,7 @@ CaseId caseOf(const std::filesystem::path &path)
 int replay(const CheckOptions &options, const DeviceSummary &device, const CaseId &id)
 {
     RunSettings settings = settingsOf(options, device);
-    settings.replay = std::filesystem::absolute(*options.replay);
+    settings.replay = readFile(*options.replay);
     Schedule schedule;
     schedule.add(Stream(id.api, *id.group, {id.number}));
     const Expectations none;

@@ -78,7 +78,7 @@ std::string write(const Request &request)
     JsonWriter json(JsonStyle::Compact);
     json.beginObject().member("request", kRequests.at(static_cast<size_t>(request.kind)));
     json.member("group", request.group).member("seed", hexadecimal(request.seed));
-    json.member("document", utf8Text(request.document)).member("timeout", hexadecimal(request.timeout));
+    json.member("reproducer", request.reproducer).member("timeout", hexadecimal(request.timeout));
     json.member("shrinkSeconds", hexadecimal(request.shrinkSeconds)).end();
     return json.text();
 }
@@ -89,7 +89,7 @@ Request parseRequest(const std::string &line)
     return {kindOf<Request::Kind>(reader.text("request"), kRequests),
             reader.text("group"),
             reader.hexNumber("seed"),
-            utf8Path(reader.text("document")),
+            reader.text("reproducer"),
             static_cast<uint32_t>(reader.hexNumber("timeout")),
             static_cast<uint32_t>(reader.hexNumber("shrinkSeconds"))};
 }
@@ -153,6 +153,21 @@ std::string write(const Reproducer &reproducer)
     return json.text() + "\n";
 }
 
+Reproducer parseReproducer(const std::string &text)
+{
+    const JsonReader reader(text);
+    if (reader.text("command") != "check --replay")
+        throw Error("no reproducer of vellum check");
+    if (const std::string schema = reader.text("schema"); schema != kReportSchema)
+        throw Error("is by the schema " + schema + ", which this version of vellum does not read; it reads " +
+                    kReportSchema);
+    const std::string api = reader.text("api");
+    if (api != "khr" && api != "ext")
+        throw Error("\"api\" must be khr or ext, got " + api);
+    return {reader.text("name"), api == "khr" ? check::Api::Khr : check::Api::Ext, reader.text("group"),
+            reader.hexNumber("seed"), reader.json("case")};
+}
+
 Reproducer readReproducer(const std::filesystem::path &path)
 {
     std::string text;
@@ -162,17 +177,7 @@ Reproducer readReproducer(const std::filesystem::path &path)
         throw UsageError(error.what());
     }
     try {
-        const JsonReader reader(text);
-        if (reader.text("command") != "check --replay")
-            throw Error("no reproducer of vellum check");
-        if (const std::string schema = reader.text("schema"); schema != kReportSchema)
-            throw Error("is by the schema " + schema + ", which this version of vellum does not read; it reads " +
-                        kReportSchema);
-        const std::string api = reader.text("api");
-        if (api != "khr" && api != "ext")
-            throw Error("\"api\" must be khr or ext, got " + api);
-        return {reader.text("name"), api == "khr" ? check::Api::Khr : check::Api::Ext, reader.text("group"),
-                reader.hexNumber("seed"), reader.json("case")};
+        return parseReproducer(text);
     } catch (const Error &error) {
         throw UsageError(utf8Text(path) + ": " + error.what());
     }

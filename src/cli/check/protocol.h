@@ -31,11 +31,11 @@ struct Request {
         Make,     // makes the case, which does not run: the outcome's reproducer
         Separate, // runs and shrinks the case in other workers, because it ended one or did not end
     } kind = Kind::Run;
-    std::string group;              // not with Replay
-    uint64_t seed = 0;              // the same
-    std::filesystem::path document; // Replay: of readReproducer
-    uint32_t timeout = 0;           // Separate: seconds for opening the device and for a case
-    uint32_t shrinkSeconds = 0;     // Separate: limit of shrinking; 0: none
+    std::string group;          // not with Replay
+    uint64_t seed = 0;          // the same
+    std::string reproducer;     // Replay: its text
+    uint32_t timeout = 0;       // Separate: seconds for opening the device and for a case
+    uint32_t shrinkSeconds = 0; // Separate: limit of shrinking; 0: none
 };
 std::string write(const Request &request);
 // Throws Error.
@@ -80,6 +80,8 @@ struct Reproducer {
     std::string shrunk; // JSON of the group; empty: the case is that of the seed
 };
 std::string write(const Reproducer &reproducer);
+// Throws Error.
+Reproducer parseReproducer(const std::string &text);
 // Throws UsageError.
 Reproducer readReproducer(const std::filesystem::path &path);
 

@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/check/worker.h"
 
-#include <chrono>
 #include <exception>
 #include <string>
 #include <utility>
 
 #include "base/error.h"
-#include "base/files.h"
 #include "cli/check/cases.h"
 #include "cli/check/protocol.h"
 
@@ -66,7 +64,7 @@ private:
                 outcome.reproducer = check::makeCase(*session_, groupOf(request.group), request.seed);
                 return outcome;
             }
-            const Reproducer reproducer = readReproducer(request.document);
+            const Reproducer reproducer = parseReproducer(request.reproducer);
             return reproducer.shrunk.empty() ? run(reproducer.group, reproducer.seed)
                                              : check::replay(*session_, reproducer.shrunk);
         } catch (const std::exception &error) {
@@ -173,8 +171,8 @@ std::string SeparateRuns::make(const std::string &group, uint64_t seed)
 
 check::Outcome SeparateRuns::run(const std::string &reproducer)
 {
-    const SharedText document(write(Reproducer{.api = options_.api, .shrunk = reproducer}));
-    return outcomeOf({.kind = Request::Kind::Replay, .document = document.path()});
+    return outcomeOf(
+        {.kind = Request::Kind::Replay, .reproducer = write(Reproducer{.api = options_.api, .shrunk = reproducer})});
 }
 
 check::Outcome SeparateRuns::outcomeOf(const Request &request)

@@ -3,7 +3,6 @@
 // print what it likes.
 #pragma once
 
-#include <chrono>
 #include <memory>
 #include <optional>
 #include <string>
