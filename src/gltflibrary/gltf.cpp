@@ -17,7 +17,6 @@
 #include "gltflibrary/options.h"
 #include "library/call.h"
 #include "library/inputs.h"
-#include "library/structures.h"
 
 namespace vellum::library
 {
