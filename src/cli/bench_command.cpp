@@ -12,7 +12,6 @@
 #include "cli/base/files.h"
 #include "cli/bench/bench_report.h"
 #include "cli/bench/part.h"
-#include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/options.h"
 #include "core/utf8_path.h"
@@ -80,7 +79,7 @@ struct Implementation {
 };
 
 // The parts that measure, with the seconds of each. The self-check is first: of a wrong device no time matters.
-std::vector<Part> partsOf(const std::vector<Implementation> &implementations, const Found &device, double seconds)
+std::vector<Part> measuringParts(const std::vector<Implementation> &implementations, const Found &device, double seconds)
 {
     struct Share {
         PartKind kind;
@@ -136,7 +135,7 @@ public:
     }
     void measure(const std::vector<Implementation> &implementations)
     {
-        const std::vector<Part> parts = partsOf(implementations, device_, std::max(options_.seconds - elapsed(), 10.0));
+        const std::vector<Part> parts = measuringParts(implementations, device_, std::max(options_.seconds - elapsed(), 10.0));
         for (const Part &part : parts) {
             if (Interruptible::interrupted())
                 return;

@@ -27,7 +27,6 @@
 #include "cli/check/results.h"
 #include "cli/check/runner.h"
 #include "cli/check/worker.h"
-#include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/options.h"
 #include "core/utf8_path.h"

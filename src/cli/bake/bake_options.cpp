@@ -13,7 +13,6 @@
 #include "base/sha256.h"
 #include "base/text.h"
 #include "cli/base/files.h"
-#include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/options.h"
 #include "core/curve.h"

@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/options.h"
 #include "core/utf8_path.h"
