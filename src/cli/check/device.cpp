@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/check/protocol.h"
+#include "cli/check/worker.h"
 
 #include "gpu/device.h"
 #include "gpu/known_faults.h"

@@ -12,7 +12,7 @@
 
 #include "cli/check/cases.h"
 #include "cli/check/expectations.h"
-#include "cli/check/protocol.h"
+#include "cli/check/worker.h"
 
 namespace vellum::cli
 {
