@@ -20,7 +20,6 @@
 #include <vulkan/vulkan.h>
 
 #include "gpu/device_selection.h"
-#include "gpu/known_faults.h"
 #include "vk/newer.h"
 #include "vk/vk_init.h"
 

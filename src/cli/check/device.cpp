@@ -2,7 +2,7 @@
 #include "cli/check/worker.h"
 
 #include "gpu/device.h"
-#include "gpu/known_faults.h"
+#include "gpu/device_selection.h"
 
 namespace vellum::cli
 {
