@@ -3,7 +3,6 @@
 #include <cmath>
 #include <cstdio>
 #include <fmt/format.h>
-#include <map>
 #include <memory>
 #include <numeric>
 

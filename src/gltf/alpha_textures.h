@@ -5,7 +5,6 @@
 
 #include <exception>
 #include <functional>
-#include <future>
 #include <list>
 #include <map>
 #include <memory>

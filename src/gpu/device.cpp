@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gpu/device.h"
 
-#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
 #include "gpu/arena.h"
-#include "gpu/device_selection.h"
 #include "gpu/execution_mode.h"
 #include "gpu/vertex_format.h"
 

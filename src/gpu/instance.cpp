@@ -5,7 +5,6 @@
 #include <array>
 #include <cstring>
 #include <fstream>
-#include <string>
 #include <utility>
 
 #include "base/process.h"

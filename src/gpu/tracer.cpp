@@ -2,7 +2,6 @@
 #include "gpu/tracer.h"
 
 #include <algorithm>
-#include <stdexcept>
 
 #include "gpu/launch.h"
 #include "shaders/tracer_comp.h"

@@ -17,7 +17,6 @@
 #include "core/bit_cast.h"
 #include "core/hash.h"
 #include "gltf/file/uri.h"
-#include "inspect/inspected_file.h"
 #include "inspect/page_files.h"
 
 namespace vellum::inspect

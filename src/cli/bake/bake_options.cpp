@@ -5,7 +5,6 @@
 #include <array>
 #include <charconv>
 #include <fmt/format.h>
-#include <limits>
 #include <map>
 #include <memory>
 

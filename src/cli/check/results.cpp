@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/check/results.h"
 
-#include <algorithm>
 #include <exception>
 #include <fmt/format.h>
-#include <map>
 #include <optional>
 #include <set>
 

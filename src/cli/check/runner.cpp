@@ -3,13 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <memory>
 #include <utility>
 
 #include "base/error.h"
 #include "base/process.h"
-#include "cli/check/worker.h"
 
 namespace vellum::cli
 {

@@ -3,12 +3,10 @@
 #pragma once
 
 #include <chrono>
-#include <filesystem>
 #include <functional>
 #include <map>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "cli/check/cases.h"
 #include "cli/check/expectations.h"

@@ -4,7 +4,6 @@
 #include <array>
 #include <charconv>
 #include <exception>
-#include <string>
 #include <utility>
 
 #include "base/error.h"
@@ -15,7 +14,6 @@
 #include "cli/check/expectations.h"
 #include "core/utf8_path.h"
 #include "inspect/report_parts.h"
-#include "job/worker.h"
 
 namespace vellum::cli
 {
