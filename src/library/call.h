@@ -206,12 +206,21 @@ private:
     std::atomic<bool> stopped_{false};
 };
 
-// Options of any version: the part that is known here, or the defaults for null. The callback for errors is one of the
-// options that can be wrong, so readOptionsOf() comes before guarded() with a callback.
-template <typename T>
-VellumResult readOptionsOf(const T *given, T &known) noexcept
+// Runs a function of the library that takes options of any version: the part that is known here, or the defaults for
+// null. The callback for errors is one of the options that can be wrong, so it is called for what is wrong after them.
+template <typename T, typename Function>
+VellumResult guardedWith(const T *given, Function &&function) noexcept
 {
-    return guarded([&] { known = given != nullptr ? knownPart(given) : Structure<T>::defaults(); });
+    T known{};
+    const VellumResult readable =
+        guarded([&] { known = given != nullptr ? knownPart(given) : Structure<T>::defaults(); });
+    if (readable != VELLUM_SUCCESS)
+        return readable;
+    return guarded(known.message, known.userData, [&] {
+        if (given != nullptr)
+            checkUnknownPart(given);
+        function(known);
+    });
 }
 
 } // namespace vellum::library

@@ -172,12 +172,7 @@ VellumResult vellumBake(const VellumBakeInput *inputs, size_t inputCount, const 
 {
     if (micromap != nullptr)
         *micromap = nullptr;
-    VellumBakeOptions known{};
-    if (const VellumResult readable = readOptionsOf(options, known); readable != VELLUM_SUCCESS)
-        return readable;
-    return guarded(known.message, known.userData, [&] {
-        if (options != nullptr)
-            checkUnknownPart(options);
+    return guardedWith(options, [&](const VellumBakeOptions &known) {
         if (micromap == nullptr)
             throw invalid("there is no place for the result");
         *micromap = bakeAll(Inputs(inputs, inputCount), known).release();
