@@ -54,7 +54,7 @@ Examples:
       what has no effect or cannot work
 )";
 
-inline std::span<const uint8_t> bytesOf(std::span<const uint32_t> words)
+std::span<const uint8_t> bytesOf(std::span<const uint32_t> words)
 {
     return {reinterpret_cast<const uint8_t *>(words.data()), words.size_bytes()};
 }
@@ -64,6 +64,15 @@ struct PipelineRole {
     const char *name;
     uint32_t model;
     spirv::Prologue prologue;
+};
+constexpr PipelineRole kPipelineRoles[] = {
+    {"raygen", spv::ExecutionModelRayGenerationKHR, spirv::Prologue::None},
+    {"any-hit", spv::ExecutionModelAnyHitKHR, spirv::Prologue::TriangleHits},
+    {"any-hit-box", spv::ExecutionModelAnyHitKHR, spirv::Prologue::BoxHits},
+    {"intersection", spv::ExecutionModelIntersectionKHR, spirv::Prologue::BoxCulling},
+    {"closest-hit", spv::ExecutionModelClosestHitKHR, spirv::Prologue::None},
+    {"miss", spv::ExecutionModelMissKHR, spirv::Prologue::None},
+    {"callable", spv::ExecutionModelCallableKHR, spirv::Prologue::None},
 };
 
 struct LintFinding {
@@ -152,20 +161,6 @@ std::string stageName(uint32_t model)
     return found == std::end(kNames) ? "execution model " + std::to_string(model) : found->name;
 }
 
-std::span<const PipelineRole> pipelineRoles()
-{
-    static constexpr PipelineRole kRoles[] = {
-        {"raygen", spv::ExecutionModelRayGenerationKHR, spirv::Prologue::None},
-        {"any-hit", spv::ExecutionModelAnyHitKHR, spirv::Prologue::TriangleHits},
-        {"any-hit-box", spv::ExecutionModelAnyHitKHR, spirv::Prologue::BoxHits},
-        {"intersection", spv::ExecutionModelIntersectionKHR, spirv::Prologue::BoxCulling},
-        {"closest-hit", spv::ExecutionModelClosestHitKHR, spirv::Prologue::None},
-        {"miss", spv::ExecutionModelMissKHR, spirv::Prologue::None},
-        {"callable", spv::ExecutionModelCallableKHR, spirv::Prologue::None},
-    };
-    return kRoles;
-}
-
 using Kind = LintFinding::Kind;
 using When = spirv::MicromapMode::When;
 
@@ -213,7 +208,7 @@ public:
     {
         rewrite({}, {});
         for (const spirv::EntryPoint &entry : entryPoints)
-            for (const PipelineRole &role : pipelineRoles())
+            for (const PipelineRole &role : kPipelineRoles)
                 for (const uint32_t fixed : {spirv::HiddenFlags{}.fixed, 0u})
                     if (role.model == entry.model)
                         rewrite(entry.name, spirv::PipelineStage{entry.name, role.model, role.prologue, {fixed}});
@@ -248,9 +243,6 @@ std::vector<LintFinding> lint(std::span<const uint32_t> words, std::span<const s
     lint.checkEmulation(entryPoints);
     return std::move(lint.findings);
 }
-
-using Kind = LintFinding::Kind;
-using When = spirv::MicromapMode::When;
 
 std::string versionOf(const SpirvFile &file)
 {
@@ -413,7 +405,7 @@ void declareSpirv(CLI::App &command, SpirvOptions &options)
                                                "Value of the specialization constant where nothing sets it [false]");
     takesWords(initial, {"true", "false"});
     std::vector<std::string> stages;
-    for (const PipelineRole &role : pipelineRoles())
+    for (const PipelineRole &role : kPipelineRoles)
         stages.emplace_back(role.name);
     CLI::Option &stage = *command.add_option("--stage", options.stage,
                                              "With --rewrite: as this stage of a ray tracing pipeline that uses "
@@ -486,7 +478,7 @@ std::vector<uint32_t> edited(std::span<const uint32_t> words, const SpirvOptions
     if (options.api == "khr")
         rewrite.queriesConsume = spirv::QueriesConsume::WhereDeclared;
     const std::string entryPoint = options.entryPoints.empty() ? "main" : options.entryPoints.front();
-    for (const PipelineRole &role : pipelineRoles())
+    for (const PipelineRole &role : kPipelineRoles)
         if (options.stage == role.name)
             rewrite.pipelineStage = {entryPoint, role.model, role.prologue, {}};
     spirv::RewriteResult result = spirv::rewrite(words, rewrite);
