@@ -67,7 +67,7 @@ function checked(kind, name, value, otherwise) {
   return accepts(value) ? value : reject(name, value, expected);
 }
 
-// The order in which src/wasm/job.cpp reads them.
+// The order in which src/wasm/call.cpp reads them.
 const kOptions = [
   ['format', 'u32'],
   ['twoStateRule', 'u32'],

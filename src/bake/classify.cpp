@@ -2,7 +2,6 @@
 #include "bake/classify.h"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -11,7 +10,6 @@
 
 #include "bake/exact.h"
 #include "bake/numbers/float4.h"
-#include "bake/piece.h"
 #include "bake/placement.h"
 #include "core/portable_math.h"
 

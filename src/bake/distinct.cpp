@@ -7,7 +7,6 @@
 
 #include "bake/option_ranges.h"
 #include "core/curve.h"
-#include "core/hash.h"
 
 namespace vellum
 {

@@ -2,7 +2,6 @@
 // The triangles of a bake that differ, and their classification.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <cstring>
 #include <functional>

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bake/inputs.h"
 
-#include <bit>
-#include <cmath>
 #include <cstring>
 #include <limits>
 #include <string>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bake/outline.h"
 
-#include <algorithm>
 #include <map>
 #include <unordered_set>
 

@@ -53,23 +53,6 @@ private:
     std::filesystem::path path_;
 };
 
-// A text that processes which this one starts can read from a file as long as this object exists.
-class SharedText
-{
-public:
-    // Throws Error.
-    explicit SharedText(std::string_view text);
-    ~SharedText();
-    SharedText(const SharedText &) = delete;
-    SharedText &operator=(const SharedText &) = delete;
-
-    [[nodiscard]] const std::filesystem::path &path() const { return path_; }
-
-private:
-    std::filesystem::path path_;
-    int descriptor_ = -1;
-};
-
 // A file that several processes append to.
 class AppendedFile
 {

@@ -6,7 +6,6 @@
 #include <cstring>
 #include <fcntl.h>
 #include <sys/ioctl.h>
-#include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
@@ -65,24 +64,6 @@ TemporaryFile::~TemporaryFile()
 {
     std::error_code error;
     std::filesystem::remove(path_, error);
-}
-
-SharedText::SharedText(std::string_view text) : descriptor_(memfd_create("vellum", MFD_CLOEXEC))
-{
-    for (size_t at = 0; at < text.size();) {
-        const ssize_t written = ::write(descriptor_, text.data() + at, text.size() - at);
-        if (written < 0 && errno != EINTR) {
-            close(descriptor_);
-            throw Error("no temporary file can be written");
-        }
-        at += written > 0 ? static_cast<size_t>(written) : 0;
-    }
-    path_ = "/proc/" + std::to_string(getpid()) + "/fd/" + std::to_string(descriptor_);
-}
-
-SharedText::~SharedText()
-{
-    close(descriptor_);
 }
 
 AppendedFile::AppendedFile(const std::filesystem::path &path)

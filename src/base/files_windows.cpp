@@ -2,7 +2,6 @@
 #include "base/files.h"
 
 #include <fcntl.h>
-#include <fstream>
 #include <io.h>
 
 #include "base/error.h"
@@ -11,23 +10,6 @@
 
 namespace vellum
 {
-namespace
-{
-
-std::filesystem::path newFile()
-{
-    wchar_t name[MAX_PATH];
-    std::error_code error;
-    const std::filesystem::path folder = std::filesystem::temp_directory_path(error);
-    if (error)
-        throw Error("the folder for temporary files (TMP) cannot be used: " + error.message());
-    if (GetTempFileNameW(folder.c_str(), L"vel", 0, name) == 0)
-        throw Error("no file can be made in " + utf8Text(folder) + ": " + lastMessage());
-    return name;
-}
-
-} // namespace
-
 std::optional<FileId> idOf(const std::filesystem::path &path)
 {
     const HANDLE file = CreateFileW(path.c_str(), 0, FILE_SHARE_READ | FILE_SHARE_WRITE | FILE_SHARE_DELETE, nullptr,
@@ -60,26 +42,19 @@ std::string problemOfFolder(const std::filesystem::path &)
     return "";
 }
 
-TemporaryFile::TemporaryFile() : path_(newFile()) {}
+TemporaryFile::TemporaryFile()
+{
+    wchar_t name[MAX_PATH];
+    std::error_code error;
+    const std::filesystem::path folder = std::filesystem::temp_directory_path(error);
+    if (error)
+        throw Error("the folder for temporary files (TMP) cannot be used: " + error.message());
+    if (GetTempFileNameW(folder.c_str(), L"vel", 0, name) == 0)
+        throw Error("no file can be made in " + utf8Text(folder) + ": " + lastMessage());
+    path_ = name;
+}
 
 TemporaryFile::~TemporaryFile()
-{
-    std::error_code error;
-    std::filesystem::remove(path_, error);
-}
-
-SharedText::SharedText(std::string_view text) : path_(newFile())
-{
-    std::ofstream file(path_, std::ios::binary);
-    if (file.write(text.data(), static_cast<std::streamsize>(text.size())).flush())
-        return;
-    file.close();
-    std::error_code error;
-    std::filesystem::remove(path_, error);
-    throw Error("no temporary file can be written");
-}
-
-SharedText::~SharedText()
 {
     std::error_code error;
     std::filesystem::remove(path_, error);

@@ -2,12 +2,10 @@
 #include "base/picture.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #include <memory>
 #include <new>
 #ifndef __EMSCRIPTEN__ // which has no zlib: stb_image_write compresses

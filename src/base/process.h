@@ -56,7 +56,7 @@ public:
     ChildProcess(const ChildProcess &) = delete;
     ChildProcess &operator=(const ChildProcess &) = delete;
 
-    // Writes to its stdin: at most as much as a pipe holds. end() shows that a process has ended.
+    // Writes to its stdin, and waits where its pipe is full: it must read. end() shows that a process has ended.
     void write(std::string_view text);
     void closeInput();
     // Kills it and all processes that it started.

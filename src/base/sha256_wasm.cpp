@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SHA-256 (FIPS 180-4) where there is no library for it.
-#include <algorithm>
 #include <bit>
-#include <memory>
 
 #include "base/sha256.h"
 

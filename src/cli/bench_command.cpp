@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/bench_command.h"
-
+// `vellum bench`
 #include <chrono>
 #include <fmt/format.h>
+#include <memory>
 #include <rapidjson/document.h>
 
 #include "base/error.h"
@@ -11,12 +11,42 @@
 #include "cli/base/exit_code.h"
 #include "cli/base/files.h"
 #include "cli/bench/bench_report.h"
+#include "cli/bench/part.h"
+#include "cli/options/commands.h"
+#include "cli/options/options.h"
 #include "core/utf8_path.h"
 
 namespace vellum::cli
 {
 namespace
 {
+
+constexpr const char *kBenchDetails = R"(
+Measures opacity micromaps on a GPU, and writes a report to send: one web page, and the same data as JSON next to it.
+First a self-check by random cases, then frames with micromaps compared with alpha tests, by ray queries and by ray
+tracing pipelines; builds with the layer and without; and the creation of pipelines. If the driver has micromaps, they
+are compared with emulated ones. Each part runs in a process of its own, with short submissions: if one hangs, crashes
+or loses the device, the others continue. After Ctrl-C the report has the results so far. It names the device and its
+driver, and nothing of the machine or its user.
+
+Examples:
+  vellum bench
+      three minutes on the most powerful device; vellum-bench.html
+  vellum bench --device 1 --seconds 600 -o reports/
+      longer, another device
+)";
+
+struct BenchOptions {
+    std::optional<std::filesystem::path> output; // the page; the JSON is in the same folder
+    BenchDevice device;
+    double seconds = 180; // of all parts together
+    double timeout = 60;  // without progress, after which a part counts as hung
+    bool force = false;   // replaces any file
+    std::string worker;   // a process of another one: its part, for who reads lists of processes
+};
+
+// Measures, prints the verdict on stdout, and writes the report. Returns the exit code.
+int benchCommand(const BenchOptions &options);
 
 // Facts about the device that a part found; empty if the part failed.
 struct Found {
@@ -49,7 +79,7 @@ struct Implementation {
 };
 
 // The parts that measure, with the seconds of each. The self-check is first: of a wrong device no time matters.
-std::vector<Part> partsOf(const std::vector<Implementation> &implementations, const Found &device, double seconds)
+std::vector<Part> measuringParts(const std::vector<Implementation> &implementations, const Found &device, double seconds)
 {
     struct Share {
         PartKind kind;
@@ -105,7 +135,7 @@ public:
     }
     void measure(const std::vector<Implementation> &implementations)
     {
-        const std::vector<Part> parts = partsOf(implementations, device_, std::max(options_.seconds - elapsed(), 10.0));
+        const std::vector<Part> parts = measuringParts(implementations, device_, std::max(options_.seconds - elapsed(), 10.0));
         for (const Part &part : parts) {
             if (Interruptible::interrupted())
                 return;
@@ -140,8 +170,7 @@ private:
     std::vector<PartResult> results_;
 };
 
-} // namespace
-
+// Measures, prints the verdict on stdout, and writes the report. Returns the exit code.
 int benchCommand(const BenchOptions &options)
 {
     const std::filesystem::path page = outputFor(options.output, "vellum-bench.html");
@@ -173,6 +202,33 @@ int benchCommand(const BenchOptions &options)
         Interruptible::die();
     }
     return static_cast<int>(complete ? ExitCode::Success : ExitCode::Failed);
+}
+
+} // namespace
+
+std::function<int()> declareBenchCommand(CLI::App &app)
+{
+    const auto options = std::make_shared<BenchOptions>();
+    CLI::App &command = *app.add_subcommand("bench", "Measures micromaps on a GPU, and writes a report to send");
+    command.footer(kBenchDetails);
+    command.option_defaults()->group(kOutput);
+    command.add_option("-o,--output", options->output, "The page, or a folder for it [vellum-bench.html]")
+        ->type_name("FILE");
+    command.add_flag("--force", options->force, "Replace a file that vellum did not write");
+    command.option_defaults()->group(kDevice);
+    addDeviceOption(command, options->device.device);
+    addLayerPathOption(command, options->device.layerFolder);
+    command.option_defaults()->group(kSelection);
+    command.add_option("--seconds", options->seconds, "How long it may take, about [180]")
+        ->check(between(0.1, 86400))
+        ->type_name("SECONDS");
+    command
+        .add_option("--timeout", options->timeout,
+                    "The time without progress after which a part counts as hung and is ended; a slow one goes on [60]")
+        ->check(between(0.1, 86400))
+        ->type_name("SECONDS");
+    command.add_option("--worker", options->worker, "")->group(""); // for its own processes
+    return [options] { return !options->worker.empty() ? runPartWorker(options->device) : benchCommand(*options); };
 }
 
 } // namespace vellum::cli

@@ -10,7 +10,6 @@
 #include "base/process.h"
 #include "base/version.h"
 #include "cli/base/exit_code.h"
-#include "cli/options/cli11.h"
 #include "cli/options/options.h"
 #include "core/utf8_path.h"
 #include "gltf/micromaps/stored_micromaps.h"

@@ -11,7 +11,6 @@
 #include "cli/bake/bake.h"
 #include "cli/base/exit_code.h"
 #include "cli/base/files.h"
-#include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/options.h"
 #include "core/utf8_path.h"

@@ -2,11 +2,8 @@
 #include "gltf/primitive.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <numeric>
-#include <optional>
-#include <span>
 
 #include "bake/inputs.h"
 #include "gltf/data/accessor.h"

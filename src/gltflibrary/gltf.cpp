@@ -17,7 +17,6 @@
 #include "gltflibrary/options.h"
 #include "library/call.h"
 #include "library/inputs.h"
-#include "library/structures.h"
 
 namespace vellum::library
 {
@@ -245,12 +244,7 @@ template <typename MakeSource, typename Target>
 VellumResult bakeInto(MakeSource &&source, Target &&target, const VellumBakeOptions *bake,
                       const VellumGltfBakeOptions *options, VellumGltfBakeInfo *info)
 {
-    VellumBakeOptions known{};
-    if (const VellumResult readable = readOptionsOf(bake, known); readable != VELLUM_SUCCESS)
-        return readable;
-    return guarded(known.message, known.userData, [&] {
-        if (bake != nullptr)
-            checkUnknownPart(bake);
+    return guardedWith(bake, [&](const VellumBakeOptions &known) {
         VellumGltfBakeOptions gltf = Structure<VellumGltfBakeOptions>::defaults();
         if (options != nullptr) {
             gltf = knownPart(options);

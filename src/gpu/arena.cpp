@@ -2,7 +2,6 @@
 #include "gpu/arena.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <cstring>
 #include <utility>
 

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gpu/device.h"
 
-#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
 #include "gpu/arena.h"
-#include "gpu/device_selection.h"
 #include "gpu/execution_mode.h"
 #include "gpu/vertex_format.h"
 
@@ -315,6 +313,10 @@ void Device::createDevice()
         *tail = &structure;
         tail = &structure.pNext;
     };
+    const auto chainFor = [&](const char *extension, auto &structure) {
+        if (has(extension))
+            chain(structure);
+    };
     auto vulkan11 = vkInit<VkPhysicalDeviceVulkan11Features>();
     auto vulkan12 = vkInit<VkPhysicalDeviceVulkan12Features>();
     auto vulkan13 = vkInit<VkPhysicalDeviceVulkan13Features>();
@@ -346,36 +348,22 @@ void Device::createDevice()
         chain(vulkan13);
     }
     chain(structures);
-    if (has(VK_KHR_RAY_QUERY_EXTENSION_NAME))
-        chain(queries);
-    if (has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
-        chain(pipelines);
-    if (has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
-        chain(conditional);
-    if (has(VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME))
-        chain(libraries);
-    if (has(VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME))
-        chain(smallIndices);
-    if (has(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
-        chain(micromaps);
-    if (has(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME))
-        chain(micromapsKhr);
-    if (has(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME))
-        chain(addressCommands);
-    if (has(VK_EXT_MESH_SHADER_EXTENSION_NAME))
-        chain(mesh);
-    if (has(VK_EXT_TRANSFORM_FEEDBACK_EXTENSION_NAME))
-        chain(feedback);
-    if (has(VK_EXT_ROBUSTNESS_2_EXTENSION_NAME))
-        chain(robustness);
-    if (has(VK_KHR_PIPELINE_EXECUTABLE_PROPERTIES_EXTENSION_NAME))
-        chain(executables);
-    if (has(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME))
-        chain(maintenance);
+    chainFor(VK_KHR_RAY_QUERY_EXTENSION_NAME, queries);
+    chainFor(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME, pipelines);
+    chainFor(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME, conditional);
+    chainFor(VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME, libraries);
+    chainFor(VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME, smallIndices);
+    chainFor(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, micromaps);
+    chainFor(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME, micromapsKhr);
+    chainFor(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME, addressCommands);
+    chainFor(VK_EXT_MESH_SHADER_EXTENSION_NAME, mesh);
+    chainFor(VK_EXT_TRANSFORM_FEEDBACK_EXTENSION_NAME, feedback);
+    chainFor(VK_EXT_ROBUSTNESS_2_EXTENSION_NAME, robustness);
+    chainFor(VK_KHR_PIPELINE_EXECUTABLE_PROPERTIES_EXTENSION_NAME, executables);
+    chainFor(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME, maintenance);
     for (size_t i = 0; i < newer.size(); ++i) {
         newer[i].sType = static_cast<VkStructureType>(kNewerExtensions[i].features);
-        if (has(kNewerExtensions[i].name))
-            chain(newer[i]);
+        chainFor(kNewerExtensions[i].name, newer[i]);
     }
     vkGetPhysicalDeviceFeatures2(physical_, &features);
     vulkan12.bufferDeviceAddressCaptureReplay &= VkBool32{options_.addressReplay};

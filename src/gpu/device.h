@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cstdint>
 #include <cstring>
 #include <functional>
@@ -13,14 +12,12 @@
 #include <mutex>
 #include <optional>
 #include <span>
-#include <stdexcept>
 #include <string>
 #include <typeindex>
 #include <vector>
 #include <vulkan/vulkan.h>
 
 #include "gpu/device_selection.h"
-#include "gpu/known_faults.h"
 #include "vk/newer.h"
 #include "vk/vk_init.h"
 

@@ -1,20 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// The physical devices of an instance, and which of these is used (--device).
+// The physical devices of an instance, which of these is used (--device), and what is known of its faults.
 #pragma once
 
 #include <cstdint>
 #include <optional>
 #include <set>
 #include <span>
+#include <stdexcept>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
+#include <vulkan/vulkan.h>
 
 #include "gpu/instance.h"
 
 namespace vellum::gpu
 {
-
 struct DeviceInfo {
     const Instance *instance = nullptr;
     VkPhysicalDevice handle = VK_NULL_HANDLE;
@@ -61,5 +63,32 @@ private:
 
 // Throws std::runtime_error where the device lacks the extension. `layer`: the layer was enabled.
 void requireMicromaps(const DeviceInfo &device, Api api, bool layer);
+
+// Faults of drivers that have nothing to do with opacity micromaps, as each occurs without them, and documented limits
+// of Vellum's layer. Cases that would meet one are avoided or not checked, and reports name it.
+enum class Fault {
+    ReportChangesAttributes,
+    SharedIntersectionStage,
+    RayGenerationInLibrary,
+    InstanceBehindInvisible,
+    AddressWithConstantFlags,
+    FirstVertexIgnored,
+    FourthComponentTransformed,
+    InactiveHideOthers,
+    ConditionalBuilds,
+    LayerIntersectionShaders,
+    LayerSerializedStructures,
+    LayerMixedLibraries,
+};
+
+struct KnownFault {
+    Fault fault;
+    std::string_view text;     // the fault of the driver or the layer
+    std::string_view response; // what is avoided or not checked
+};
+
+// The known faults of a device. includesTools: also those of Vellum's layer, which is a tool of the device
+// (Vulkan 1.3).
+std::vector<KnownFault> knownFaults(VkPhysicalDevice device, bool includesTools);
 
 } // namespace vellum::gpu

@@ -5,7 +5,6 @@
 #include <array>
 #include <cstring>
 #include <fstream>
-#include <string>
 #include <utility>
 
 #include "base/process.h"
@@ -112,6 +111,8 @@ VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT 
     return VK_FALSE;
 }
 
+} // namespace
+
 bool layerIsAvailable()
 {
     uint32_t count = 0;
@@ -121,8 +122,6 @@ bool layerIsAvailable()
     return std::any_of(layers.begin(), layers.end(),
                        [](const VkLayerProperties &l) { return std::strcmp(l.layerName, kLayerName) == 0; });
 }
-
-} // namespace
 
 VulkanError::VulkanError(VkResult result, const char *call)
     : std::runtime_error(

@@ -21,6 +21,9 @@ inline constexpr const char *kLayerName = "VK_LAYER_VELLUM_opacity_micromap";
 // in a build tree, or <prefix>/share/vulkan/explicit_layer.d after installation. Nothing if there is no manifest.
 std::optional<std::filesystem::path> findLayerFolder();
 
+// Returns whether the Vulkan loader finds the layer.
+bool layerIsAvailable();
+
 // Adds a folder to those in which the Vulkan loader looks for explicit layers. Before the first Vulkan call.
 void addLayerFolder(const std::filesystem::path &folder);
 // Adds the given folder, or the one next to this program, to the loader's path. Does nothing if there is no manifest;

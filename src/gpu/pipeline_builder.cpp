@@ -369,7 +369,7 @@ void BindingTable::trace(VkCommandBuffer commands) const
 }
 
 PipelineResources::PipelineResources(Device &gpu, uint32_t buffers, uint32_t pushSize,
-                                     std::span<const VkPushConstantRange> others)
+                                     std::span<const VkPushConstantRange> others, VkShaderStageFlags stages)
     : gpu_(gpu)
 {
     std::vector<VkDescriptorSetLayoutBinding> bindings;
@@ -381,7 +381,7 @@ PipelineResources::PipelineResources(Device &gpu, uint32_t buffers, uint32_t pus
         {.bindingCount = static_cast<uint32_t>(bindings.size()), .pBindings = bindings.data()});
     CHECK_VK(vkCreateDescriptorSetLayout(gpu.device(), &setInfo, nullptr, &setLayout_));
     std::vector<VkPushConstantRange> ranges(others.begin(), others.end());
-    ranges.insert(ranges.begin(), {kStages, 0, pushSize});
+    ranges.insert(ranges.begin(), {stages, 0, pushSize});
     auto layout = vkInit<VkPipelineLayoutCreateInfo>({.setLayoutCount = 1,
                                                       .pSetLayouts = &setLayout_,
                                                       .pushConstantRangeCount = static_cast<uint32_t>(ranges.size()),

@@ -178,13 +178,13 @@ private:
     IndirectCommand command_;
 };
 
-// A descriptor set layout, a pipeline layout with push constants for all ray tracing stages, and a set: binding 0 an
-// acceleration structure, bindings 1.. storage buffers.
+// A descriptor set layout, a pipeline layout with push constants for these stages, and a set: binding 0 an acceleration
+// structure, bindings 1.. storage buffers.
 class PipelineResources
 {
 public:
     PipelineResources(Device &gpu, uint32_t buffers, uint32_t pushSize,
-                      std::span<const VkPushConstantRange> others = {});
+                      std::span<const VkPushConstantRange> others = {}, VkShaderStageFlags stages = kStages);
     PipelineResources(const PipelineResources &) = delete;
     PipelineResources &operator=(const PipelineResources &) = delete;
     ~PipelineResources();
@@ -195,6 +195,7 @@ public:
         VK_SHADER_STAGE_RAYGEN_BIT_KHR | VK_SHADER_STAGE_ANY_HIT_BIT_KHR | VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR |
         VK_SHADER_STAGE_MISS_BIT_KHR | VK_SHADER_STAGE_INTERSECTION_BIT_KHR | VK_SHADER_STAGE_CALLABLE_BIT_KHR;
     [[nodiscard]] VkPipelineLayout layout() const { return layout_; }
+    [[nodiscard]] VkDescriptorSetLayout setLayout() const { return setLayout_; }
     [[nodiscard]] VkDescriptorSet set() const { return set_; }
 
 private:

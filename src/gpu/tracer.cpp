@@ -2,7 +2,6 @@
 #include "gpu/tracer.h"
 
 #include <algorithm>
-#include <stdexcept>
 
 #include "gpu/launch.h"
 #include "shaders/tracer_comp.h"
@@ -28,20 +27,8 @@ bool hashConfirms(uint32_t customIndex, uint32_t instance, uint32_t geometry, ui
 Tracer::Tracer(Device &gpu) : Tracer(gpu, tracer_comp) {}
 
 Tracer::Tracer(Device &gpu, std::span<const uint32_t> words, const TracerSetup &setup)
-    : gpu_(gpu), pushStages_(pushStages(setup.stage))
+    : gpu_(gpu), pushStages_(pushStages(setup.stage)), resources_(gpu, 3, sizeof(Push), {}, pushStages_)
 {
-    const VkDevice device = gpu.device();
-    std::array<VkDescriptorSetLayoutBinding, 4> bindings{};
-    for (uint32_t i = 0; i < 4; ++i)
-        bindings[i] = {i, i == 0 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1,
-                       VK_SHADER_STAGE_ALL, nullptr};
-    auto setInfo = vkInit<VkDescriptorSetLayoutCreateInfo>({.bindingCount = 4, .pBindings = bindings.data()});
-    CHECK_VK(vkCreateDescriptorSetLayout(device, &setInfo, nullptr, &setLayout_));
-    const VkPushConstantRange range{pushStages_, 0, sizeof(Push)};
-    auto layout = vkInit<VkPipelineLayoutCreateInfo>(
-        {.setLayoutCount = 1, .pSetLayouts = &setLayout_, .pushConstantRangeCount = 1, .pPushConstantRanges = &range});
-    CHECK_VK(vkCreatePipelineLayout(device, &layout, nullptr, &layout_));
-
     std::array<uint32_t, 3> values{};
     std::vector<VkSpecializationMapEntry> entries;
     if (setup.specializedFlags) {
@@ -58,30 +45,14 @@ Tracer::Tracer(Device &gpu, std::span<const uint32_t> words, const TracerSetup &
     }
     const VkSpecializationInfo specialization{static_cast<uint32_t>(entries.size()), entries.data(), sizeof values,
                                               values.data()};
-    program_ = makeStageProgram(gpu, layout_,
+    program_ = makeStageProgram(gpu, resources_.layout(),
                                 {.stage = setup.stage,
                                  .words = words,
                                  .specialization = entries.empty() ? nullptr : &specialization,
                                  .inlineModule = setup.inlineModule,
-                                 .objectLayout = setup.shaderObject ? setLayout_ : VK_NULL_HANDLE,
+                                 .objectLayout = setup.shaderObject ? resources_.setLayout() : VK_NULL_HANDLE,
                                  .pushSize = sizeof(Push),
                                  .vertexBuffers = setup.vertexBuffers});
-
-    const std::array<VkDescriptorPoolSize, 2> sizes{
-        {{VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1}, {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 3}}};
-    auto pool = vkInit<VkDescriptorPoolCreateInfo>(
-        {.maxSets = 1, .poolSizeCount = static_cast<uint32_t>(sizes.size()), .pPoolSizes = sizes.data()});
-    CHECK_VK(vkCreateDescriptorPool(device, &pool, nullptr, &pool_));
-    auto allocation = vkInit<VkDescriptorSetAllocateInfo>(
-        {.descriptorPool = pool_, .descriptorSetCount = 1, .pSetLayouts = &setLayout_});
-    CHECK_VK(vkAllocateDescriptorSets(device, &allocation, &set_));
-}
-
-Tracer::~Tracer()
-{
-    vkDestroyDescriptorPool(gpu_.device(), pool_, nullptr);
-    vkDestroyPipelineLayout(gpu_.device(), layout_, nullptr);
-    vkDestroyDescriptorSetLayout(gpu_.device(), setLayout_, nullptr);
 }
 
 void Tracer::prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity)
@@ -91,27 +62,7 @@ void Tracer::prepare(const Structure &scene, std::span<const Ray> rays, uint32_t
     candidates_ = Buffer(gpu_, std::max<size_t>(rays.size() * capacity, 1) * sizeof(Candidate), kStorage);
     push_ = {static_cast<uint32_t>(rays.size()), capacity, scene.address(), program_->helperScene()};
     program_->prepare(launch_, push_.rayCount);
-
-    const VkAccelerationStructureKHR handle = scene.handle();
-    auto structure = vkInit<VkWriteDescriptorSetAccelerationStructureKHR>(
-        {.accelerationStructureCount = 1, .pAccelerationStructures = &handle});
-    const std::array<VkDescriptorBufferInfo, 3> buffers{{{rays_.handle(), 0, VK_WHOLE_SIZE},
-                                                         {results_.handle(), 0, VK_WHOLE_SIZE},
-                                                         {candidates_.handle(), 0, VK_WHOLE_SIZE}}};
-    std::array<VkWriteDescriptorSet, 4> writes{};
-    for (uint32_t i = 0; i < 4; ++i) {
-        writes[i] =
-            vkInit<VkWriteDescriptorSet>({.dstSet = set_,
-                                          .dstBinding = i,
-                                          .descriptorCount = 1,
-                                          .descriptorType = i == 0 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR
-                                                                   : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER});
-        if (i == 0)
-            writes[i].pNext = &structure;
-        else
-            writes[i].pBufferInfo = &buffers[i - 1];
-    }
-    vkUpdateDescriptorSets(gpu_.device(), 4, writes.data(), 0, nullptr);
+    resources_.write(scene.handle(), std::array<const Buffer *, 3>{&rays_, &results_, &candidates_});
 }
 
 void Tracer::bind(VkCommandBuffer commands, bool maintenance6) const
@@ -122,8 +73,10 @@ void Tracer::bind(VkCommandBuffer commands, bool maintenance6) const
 
 void Tracer::bindSet(VkCommandBuffer commands, bool maintenance6) const
 {
-    recordBindings(gpu_, commands, {program_->point(), layout_, set_, pushStages_, std::as_bytes(std::span(&push_, 1))},
-                   maintenance6);
+    recordBindings(
+        gpu_, commands,
+        {program_->point(), resources_.layout(), resources_.set(), pushStages_, std::as_bytes(std::span(&push_, 1))},
+        maintenance6);
 }
 
 void Tracer::dispatch(VkCommandBuffer commands) const

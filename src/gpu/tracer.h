@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "gpu/pipeline_builder.h"
 #include "gpu/programs/stage_program.h"
 #include "gpu/scene.h"
 
@@ -107,7 +108,6 @@ public:
     explicit Tracer(Device &gpu); // compute, run-time ray flags, bound acceleration structure
     Tracer(const Tracer &) = delete;
     Tracer &operator=(const Tracer &) = delete;
-    ~Tracer();
 
     // Traces and waits. At most `capacity` candidates of each ray come back.
     std::vector<Result> trace(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
@@ -123,9 +123,9 @@ public:
     void bindSet(VkCommandBuffer commands, bool maintenance6 = false) const;
     void dispatch(VkCommandBuffer commands) const;
     [[nodiscard]] std::vector<Result> results() const;
-    [[nodiscard]] VkPipelineLayout layout() const { return layout_; }
-    [[nodiscard]] VkDescriptorSetLayout setLayout() const { return setLayout_; }
-    [[nodiscard]] VkDescriptorSet set() const { return set_; }
+    [[nodiscard]] VkPipelineLayout layout() const { return resources_.layout(); }
+    [[nodiscard]] VkDescriptorSetLayout setLayout() const { return resources_.setLayout(); }
+    [[nodiscard]] VkDescriptorSet set() const { return resources_.set(); }
     void clearResults();
 
 private:
@@ -137,13 +137,10 @@ private:
     };
 
     Device &gpu_;
-    VkDescriptorSetLayout setLayout_ = VK_NULL_HANDLE;
-    VkPipelineLayout layout_ = VK_NULL_HANDLE;
     VkShaderStageFlags pushStages_;
+    PipelineResources resources_;
     std::unique_ptr<StageProgram> program_;
     LaunchPlan launch_;
-    VkDescriptorPool pool_ = VK_NULL_HANDLE;
-    VkDescriptorSet set_ = VK_NULL_HANDLE;
     Buffer rays_, results_, candidates_;
     Push push_{};
 };

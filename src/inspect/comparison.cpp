@@ -6,7 +6,6 @@
 #include <map>
 
 #include "base/text.h"
-#include "inspect/inspected_file.h"
 #include "inspect/page.h"
 #include "inspect/report_parts.h"
 

@@ -17,7 +17,6 @@
 #include "core/bit_cast.h"
 #include "core/hash.h"
 #include "gltf/file/uri.h"
-#include "inspect/inspected_file.h"
 #include "inspect/page_files.h"
 
 namespace vellum::inspect
@@ -468,6 +467,7 @@ Picture drawMesh(const Document &document, const InspectedFile &file, uint32_t m
 }
 
 constexpr uint32_t kThumbnailEdge = 360;
+constexpr std::string_view kMark = "<!--@"; // where a part of a page belongs
 
 void writeTally(const Tally &tally, JsonWriter &json)
 {
@@ -618,53 +618,38 @@ std::string pageFacts(const Document &document, const InspectedFile &file, const
 
 } // namespace
 
+std::string filledPage(std::string_view page, const std::map<std::string_view, std::string> &parts)
+{
+    std::string filled;
+    for (;;) {
+        const size_t begin = page.find(kMark);
+        if (begin == std::string_view::npos)
+            return filled.append(page);
+        const size_t end = page.find("-->", begin);
+        filled.append(page.substr(0, begin)).append(parts.at(page.substr(begin, end - begin).substr(kMark.size())));
+        page.remove_prefix(end + 3);
+    }
+}
+
 std::string makePage(const Document &document, const InspectedFile &file, const PageLimits &limits)
 {
     const PageData data = makePageData(file, limits);
-    const std::string facts = pageFacts(document, file, data, limits);
-    const std::string numbers = base64Encoded(deflated(data.bytes()));
-    std::string page;
-    page.reserve(facts.size() + numbers.size() + 200'000);
-    // The places in page.html where something belongs are comments.
-    std::string_view rest = kPage_page_html;
-    while (true) {
-        const size_t begin = rest.find("<!--@");
-        if (begin == std::string_view::npos)
-            return page.append(rest);
-        const size_t end = rest.find("-->", begin);
-        page.append(rest.substr(0, begin));
-        const std::string_view what = rest.substr(begin + 5, end - begin - 5);
-        if (what == "title")
-            page += markupText(file.name);
-        else if (what == "style")
-            page.append("<style>\n").append(kPage_style_css).append("</style>");
-        else if (what == "facts")
-            page += "<script type=\"application/json\" id=\"facts\">" + facts + "</script>";
-        else if (what == "numbers")
-            page += "<script type=\"text/plain\" id=\"numbers\">" + numbers + "</script>";
-        else if (what == "script") {
-            page += "<script>\n\"use strict\";\n(() => {\n";
-            for (const std::string_view script : {kPage_elements_js, kPage_data_js, kPage_index_js, kPage_raster_js,
-                                                  kPage_viewer_js, kPage_charts_js, kPage_details_js, kPage_main_js})
-                page.append(script);
-            page += "})();\n</script>";
-        }
-        rest.remove_prefix(end + 3);
-    }
+    std::string script = "<script>\n\"use strict\";\n(() => {\n";
+    for (const std::string_view part : {kPage_elements_js, kPage_data_js, kPage_index_js, kPage_raster_js,
+                                        kPage_viewer_js, kPage_charts_js, kPage_details_js, kPage_main_js})
+        script.append(part);
+    return filledPage(kPage_page_html, {{"title", markupText(file.name)},
+                                        {"style", "<style>\n" + std::string(kPage_style_css) + "</style>"},
+                                        {"facts", "<script type=\"application/json\" id=\"facts\">" +
+                                                      pageFacts(document, file, data, limits) + "</script>"},
+                                        {"numbers", "<script type=\"text/plain\" id=\"numbers\">" +
+                                                        base64Encoded(deflated(data.bytes())) + "</script>"},
+                                        {"script", script + "})();\n</script>"}});
 }
 
 std::string plainPage(const std::string &title, const std::string &body)
 {
-    std::string page;
-    std::string_view rest = kPage_plain_html;
-    for (const auto &[mark, text] : {std::pair<std::string_view, std::string>("<!--@title-->", markupText(title)),
-                                     {"<!--@title-->", markupText(title)},
-                                     {"<!--@body-->", body}}) {
-        const size_t at = rest.find(mark);
-        page.append(rest.substr(0, at)).append(text);
-        rest.remove_prefix(at + mark.size());
-    }
-    return page.append(rest);
+    return filledPage(kPage_plain_html, {{"title", markupText(title)}, {"body", body}});
 }
 
 } // namespace vellum::inspect

@@ -3,7 +3,9 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "inspect/inspected_file.h"
@@ -55,6 +57,9 @@ PageData makePageData(const InspectedFile &file, const PageLimits &limits);
 
 // The page of `vellum inspect`.
 std::string makePage(const Document &document, const InspectedFile &file, const PageLimits &limits = {});
+
+// The text of a page with a part in place of each comment <!--@NAME-->.
+std::string filledPage(std::string_view page, const std::map<std::string_view, std::string> &parts);
 
 // A page without scripts: a heading, and a body that is HTML already. Tables, .chosen rows and .muted paragraphs have a
 // style; so have <b class="bar"><i style="width: 40%"></i></b>.

@@ -5,9 +5,7 @@
 #include <cmath>
 #include <fmt/format.h>
 
-#include "base/picture.h"
 #include "base/text.h"
-#include "inspect/inspected_file.h"
 
 namespace vellum::inspect
 {

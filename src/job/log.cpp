@@ -8,7 +8,6 @@
 #include <fstream>
 #include <functional>
 #include <string_view>
-#include <utility>
 
 #include "base/error.h"
 #include "base/json_reader.h"

@@ -5,7 +5,7 @@
 
 #include "bake/inputs.h"
 #include "core/curve.h"
-#include "library/structures.h"
+#include "library/call.h"
 
 namespace vellum::library
 {

@@ -107,12 +107,7 @@ VellumResult vellumEditSpirv(const uint32_t *words, size_t wordCount, const Vell
 {
     if (spirv != nullptr)
         *spirv = nullptr;
-    VellumSpirvOptions known{};
-    if (const VellumResult readable = readOptionsOf(options, known); readable != VELLUM_SUCCESS)
-        return readable;
-    return guarded(known.message, known.userData, [&] {
-        if (options != nullptr)
-            checkUnknownPart(options);
+    return guardedWith(options, [&](const VellumSpirvOptions &known) {
         if (spirv == nullptr)
             throw invalid("there is no place for the result");
         if (words == nullptr)

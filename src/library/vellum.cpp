@@ -11,7 +11,52 @@
 #include "bake/bake.h"
 #include "library/call.h"
 #include "library/inputs.h"
-#include "library/structures.h"
+
+namespace vellum::library
+{
+
+VellumTexture Structure<VellumTexture>::defaults()
+{
+    VellumTexture texture{};
+    texture.structSize = sizeof texture;
+    texture.format = VELLUM_FORMAT_R8_UNORM;
+    texture.filter = VELLUM_FILTER_LINEAR;
+    texture.addressModeU = VELLUM_ADDRESS_MODE_REPEAT;
+    texture.addressModeV = VELLUM_ADDRESS_MODE_REPEAT;
+    texture.scale = 1;
+    return texture;
+}
+
+VellumBakeInput Structure<VellumBakeInput>::defaults()
+{
+    VellumBakeInput input{};
+    input.structSize = sizeof input;
+    input.uvFormat = VELLUM_FORMAT_R32G32_SFLOAT;
+    input.indexType = VELLUM_INDEX_TYPE_NONE;
+    input.uvTransform[0] = 1;
+    input.uvTransform[4] = 1;
+    input.cutoff = 0.5;
+    return input;
+}
+
+VellumBakeOptions Structure<VellumBakeOptions>::defaults()
+{
+    const BakeOptions core;
+    VellumBakeOptions options{};
+    options.structSize = sizeof options;
+    options.format = VELLUM_MICROMAP_FORMAT_4_STATE;
+    options.twoStateRule = VELLUM_TWO_STATE_NEAREST;
+    options.level = VELLUM_LEVEL_AUTOMATIC;
+    options.maxLevel = core.maxLevel;
+    options.compareOp = VELLUM_COMPARE_OP_GREATER_OR_EQUAL;
+    options.budget = VELLUM_NO_BUDGET;
+    for (size_t i = 0; i < kBakeNumbers.size(); ++i)
+        options.*kNumbers[i] = core.*kBakeNumbers[i].member;
+    options.maxDataSize = core.maxDataBytes;
+    return options;
+}
+
+} // namespace vellum::library
 
 using namespace vellum;
 using namespace vellum::library;
@@ -107,17 +152,27 @@ int vellumIsFlagSet(void *userData)
     return flag != nullptr && flag->load(std::memory_order_relaxed) != 0 ? 1 : 0;
 }
 
+void vellumInitTexture(VellumTexture *texture, size_t structSize)
+{
+    initialize(texture, structSize);
+}
+
+void vellumInitBakeInput(VellumBakeInput *input, size_t structSize)
+{
+    initialize(input, structSize);
+}
+
+void vellumInitBakeOptions(VellumBakeOptions *options, size_t structSize)
+{
+    initialize(options, structSize);
+}
+
 VellumResult vellumBake(const VellumBakeInput *inputs, size_t inputCount, const VellumBakeOptions *options,
                         VellumMicromap **micromap)
 {
     if (micromap != nullptr)
         *micromap = nullptr;
-    VellumBakeOptions known{};
-    if (const VellumResult readable = readOptionsOf(options, known); readable != VELLUM_SUCCESS)
-        return readable;
-    return guarded(known.message, known.userData, [&] {
-        if (options != nullptr)
-            checkUnknownPart(options);
+    return guardedWith(options, [&](const VellumBakeOptions &known) {
         if (micromap == nullptr)
             throw invalid("there is no place for the result");
         *micromap = bakeAll(Inputs(inputs, inputCount), known).release();

@@ -6,7 +6,6 @@
 
 #include "gltf/file/gltf_error.h"
 #include "gltf/micromaps/known_surface.h"
-#include "gltf/micromaps/stored_micromaps.h"
 
 namespace vellum::render
 {

@@ -2,7 +2,6 @@
 #include "render/heat.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 namespace vellum::render

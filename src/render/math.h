@@ -2,7 +2,6 @@
 // The vector arithmetic that the renderer needs, and random numbers that are the same on every machine.
 #pragma once
 
-#include <array>
 #include <cmath>
 #include <cstdint>
 

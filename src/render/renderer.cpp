@@ -5,7 +5,6 @@
 #include <chrono>
 #include <cstddef>
 #include <cstring>
-#include <span>
 #include <stdexcept>
 #include <string>
 

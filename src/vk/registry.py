@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes what Vellum knows of Vulkan's registry, vk.xml, into src/vk:
 
-- structure_sizes.h: the size and name of every structure with an sType. The layer copies pNext chains of applications that are
-  newer than the headers it was built with.
+- structure_sizes.h: the size and name of every structure with an sType that applications fill in. The layer copies pNext chains
+  of applications that are newer than the headers it was built with.
 - enum_names.h: the names of values that messages have. NAMED lists their types.
 - command_aliases.h: names of commands before they were promoted.
 - newer.h: declarations that the oldest supported headers (1.3.239) lack, under their own names. NEWER lists them.
@@ -203,11 +203,13 @@ class Registry:
         return member.get("values") if node.get("category") == "struct" and member is not None else None
 
     def structures(self):
-        """(value of sType, name, size) of every structure that a version or extension has."""
+        """(value of sType, name, size) of every structure that a version or extension has, except those that drivers write."""
         rows = []
         for name, node in self.types.items():
             guard = self.required.get(name)
             if node.get("alias") or not guard or guard in self.provisional or not self.s_type(name):
+                continue
+            if node.get("returnedonly") == "true":
                 continue
             rows.append((int(self.value(self.s_type(name))), name, self.layout(name)[0]))
         return sorted(rows)
@@ -231,7 +233,7 @@ def head(registry, about):
 
 def structure_sizes(registry):
     rows = "".join(f'    {{{value}, {size}, "{name}"}},\n' for value, name, size in registry.structures())
-    return head(registry, "The size and name of each structure with an sType, on systems of 64 bits.") + f"""#include <cstdint>
+    return head(registry, "The size and name of each structure with an sType that applications fill in, on systems of 64 bits.") + f"""#include <cstdint>
 
 namespace vellum
 {{
@@ -241,7 +243,8 @@ struct StructureSize {{
     uint16_t bytes;
     const char *name;
 }};
-// Sorted by type. Structures of provisional extensions may change and are not here.
+// Sorted by type. Structures of provisional extensions may change and are not here; those that only drivers write are in no
+// chain that the layer copies.
 // clang-format off
 inline constexpr StructureSize kStructureSizes[] = {{
 {rows}}};

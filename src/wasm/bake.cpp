@@ -4,10 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "wasm/exports.h"
-#include "wasm/job.h"
-#include "wasm/result.h"
-#include "wasm/usages.h"
+#include "wasm/call.h"
 
 using namespace vellum;
 using namespace vellum::wasm;

@@ -9,7 +9,7 @@
 #include "core/utf8_path.h"
 #include "gltf/document.h"
 #include "library/call.h"
-#include "wasm/result.h"
+#include "wasm/call.h"
 
 namespace vellum::wasm
 {

@@ -15,11 +15,8 @@
 #include "gltflibrary/options.h"
 #include "library/call.h"
 #include "verify/file.h"
-#include "wasm/exports.h"
+#include "wasm/call.h"
 #include "wasm/file.h"
-#include "wasm/job.h"
-#include "wasm/result.h"
-#include "wasm/usages.h"
 
 using namespace vellum;
 using namespace vellum::wasm;

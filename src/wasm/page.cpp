@@ -3,7 +3,7 @@
 #include "inspect/page.h"
 
 #include "base/error.h"
-#include "wasm/exports.h"
+#include "wasm/call.h"
 #include "wasm/file.h"
 
 using namespace vellum;

@@ -4,7 +4,7 @@
 
 - path::string(), and a path made of a text: on Windows libstdc++ converts each character by itself, so that letters outside
   ASCII are lost, or an exception is thrown;
-- CLI11 without the overload that makes paths of UTF-8 (cli/options/cli11.h).
+- CLI11 without the overload that makes paths of UTF-8 (cli/options/options.h).
 
 A text that is assigned to a path is not found, since the check knows no types. Files of POSIX alone are excluded.
 
@@ -14,7 +14,7 @@ import re
 
 import findings
 
-CLI11 = "src/cli/options/cli11.h"
+CLI11 = "src/cli/options/options.h"
 COMMAND = ("src/cli/", "src/base/", "src/render/", "src/inspect/", "src/job/")
 SOURCES = (*COMMAND, "src/gpu", "src/check", "src/verify", "src/gltf", "src/gltflibrary", "src/library", "src/layer")
 POSIX = re.compile(r"_posix\.(cpp|h)$")

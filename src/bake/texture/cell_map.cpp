@@ -2,7 +2,6 @@
 #include "bake/texture/cell_map.h"
 
 #include <cassert>
-#include <cmath>
 #include <cstring>
 #include <limits>
 #include <memory>

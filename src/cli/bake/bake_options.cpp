@@ -5,7 +5,6 @@
 #include <array>
 #include <charconv>
 #include <fmt/format.h>
-#include <limits>
 #include <map>
 #include <memory>
 
@@ -13,7 +12,6 @@
 #include "base/sha256.h"
 #include "base/text.h"
 #include "cli/base/files.h"
-#include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/options.h"
 #include "core/curve.h"

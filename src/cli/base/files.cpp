@@ -5,8 +5,6 @@
 #include <fstream>
 
 #include "base/error.h"
-#include "core/utf8_path.h"
-#include "gltf/file/gltf_error.h"
 #include "gltf/file/open_file.h"
 #include "gltf/file/output_files.h"
 

@@ -10,6 +10,7 @@
 #include "base/statistics.h"
 #include "base/version.h"
 #include "cli/bench/bench_page_files.h"
+#include "inspect/page.h"
 #include "inspect/report_parts.h"
 
 namespace vellum::cli
@@ -213,14 +214,11 @@ std::string benchJson(const std::vector<PartResult> &results, const std::vector<
 
 std::string benchPage(const std::string &json)
 {
-    std::string page(kPage_bench_html);
-    const auto put = [&page](std::string_view place, const std::string &text) {
-        page.replace(page.find(place), place.size(), text);
-    };
-    put("<!--@style-->", "<style>\n" + std::string(kPage_bench_css) + "</style>");
-    put("<!--@data-->", "<script type=\"application/json\" id=\"report\">" + json + "</script>");
-    put("<!--@script-->", "<script>\n\"use strict\";\n(() => {\n" + std::string(kPage_bench_js) + "})();\n</script>");
-    return page;
+    return inspect::filledPage(
+        kPage_bench_html,
+        {{"style", "<style>\n" + std::string(kPage_bench_css) + "</style>"},
+         {"data", "<script type=\"application/json\" id=\"report\">" + json + "</script>"},
+         {"script", "<script>\n\"use strict\";\n(() => {\n" + std::string(kPage_bench_js) + "})();\n</script>"}});
 }
 
 } // namespace vellum::cli

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cstdlib>
 #include <fmt/format.h>
 #include <iterator>
 #include <string_view>
@@ -18,7 +17,6 @@
 #include "cli/info/device_details.h"
 #include "core/utf8_path.h"
 #include "gpu/instance.h"
-#include "job/worker.h"
 #include "render/baked_scene.h"
 #include "render/grove.h"
 

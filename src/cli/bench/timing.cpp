@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/bench/timing.h"
 
-#include <cstdlib>
-
 #include "base/process.h"
 #include "base/statistics.h"
 #include "render/baked_scene.h"

@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 #include <numeric>
 
-#include "base/text.h"
 #include "core/hash.h"
 
 namespace vellum::cli

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/check/protocol.h"
+#include "cli/check/worker.h"
 
 #include "gpu/device.h"
-#include "gpu/known_faults.h"
+#include "gpu/device_selection.h"
 
 namespace vellum::cli
 {

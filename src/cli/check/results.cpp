@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/check/results.h"
 
-#include <algorithm>
 #include <exception>
 #include <fmt/format.h>
-#include <map>
 #include <optional>
 #include <set>
 
@@ -543,18 +541,6 @@ void checkBelong(const Run &run, const Run &first)
     differ("divisions", division(run), division(first));
 }
 
-void addPlan(const std::vector<PlannedGroup> &more, std::vector<PlannedGroup> &plan)
-{
-    for (const PlannedGroup &group : more) {
-        const auto same = std::ranges::find_if(
-            plan, [&](const PlannedGroup &known) { return known.api == group.api && known.group == group.group; });
-        if (same == plan.end())
-            plan.push_back(group);
-        else
-            same->cases += group.cases;
-    }
-}
-
 // "shards 2, 5 of 8 are missing"
 std::string missingShards(const std::vector<Run> &runs)
 {
@@ -603,7 +589,8 @@ MergedRuns mergeRuns(const std::vector<std::filesystem::path> &paths)
     std::map<std::string, const Run *> cases;
     for (const Run &run : runs) {
         checkBelong(run, runs.front());
-        addPlan(run.facts.plan, merged.facts.plan);
+        for (const PlannedGroup &group : run.facts.plan)
+            elementOf(group.api, group.group, merged.facts.plan).cases += group.cases;
         merged.facts.seconds += run.facts.seconds;
         if (!run.facts.incomplete.empty())
             addIncomplete(utf8Text(run.folder) + ": " + run.facts.incomplete);

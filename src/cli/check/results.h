@@ -15,8 +15,8 @@
 #include "base/version.h"
 #include "cli/check/cases.h"
 #include "cli/check/expectations.h"
-#include "cli/check/protocol.h"
 #include "cli/check/runner.h"
+#include "cli/check/worker.h"
 
 namespace vellum::cli
 {

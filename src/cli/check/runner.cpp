@@ -3,13 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <memory>
 #include <utility>
 
 #include "base/error.h"
 #include "base/process.h"
-#include "cli/check/worker.h"
 
 namespace vellum::cli
 {
@@ -153,7 +151,7 @@ void Runner::Slot::requestRun()
     Request request{.group = std::string(id.group->name), .seed = seedOf(settings.seed, id)};
     if (!settings.replay.empty()) {
         request.kind = Request::Kind::Replay;
-        request.document = settings.replay;
+        request.reproducer = settings.replay;
     } else if (failure_ && failure_->outcome.status != check::Status::Fail) {
         request.kind = Request::Kind::Separate;
         request.timeout = static_cast<uint32_t>(std::ceil(settings.timeout));

@@ -3,16 +3,14 @@
 #pragma once
 
 #include <chrono>
-#include <filesystem>
 #include <functional>
 #include <map>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "cli/check/cases.h"
 #include "cli/check/expectations.h"
-#include "cli/check/protocol.h"
+#include "cli/check/worker.h"
 
 namespace vellum::cli
 {
@@ -24,7 +22,7 @@ struct RunSettings {
     double timeout = 60;          // seconds of a case, of opening and of closing the device
     std::optional<double> budget; // seconds after which no further case begins
     bool failFast = false;        // ends with the first failure
-    std::filesystem::path replay; // runs this reproducer for each case; empty without
+    std::string replay;           // runs this reproducer for each case; empty without
 };
 
 struct Finished {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/info/device_details.h"
 
-#include <cstring>
 #include <utility>
 
 #include "vk/vk_init.h"

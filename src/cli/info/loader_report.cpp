@@ -2,7 +2,6 @@
 #include "cli/info/loader_report.h"
 
 #include <algorithm>
-#include <cstring>
 #include <fmt/format.h>
 #include <fstream>
 #include <rapidjson/document.h>
@@ -165,17 +164,6 @@ bool isSet(const char *name)
     return !variable(name).value_or("").empty();
 }
 
-bool loaderFindsLayer()
-{
-    uint32_t count = 0;
-    if (vkEnumerateInstanceLayerProperties(&count, nullptr) != VK_SUCCESS)
-        return false;
-    std::vector<VkLayerProperties> layers(count);
-    vkEnumerateInstanceLayerProperties(&count, layers.data());
-    return std::any_of(layers.begin(), layers.end(),
-                       [](const VkLayerProperties &l) { return std::strcmp(l.layerName, gpu::kLayerName) == 0; });
-}
-
 bool names(const char *name, const char *what)
 {
     return variable(name).value_or("").find(what) != std::string::npos;
@@ -329,7 +317,7 @@ LoaderReport reportLoader(const std::optional<std::filesystem::path> &wish)
         wish ? std::filesystem::absolute(*wish, error) : gpu::findLayerFolder().value_or(std::filesystem::path());
     report.drivers = findDriverManifests();
     report.layers = findLayerManifests(folder);
-    report.layerFound = loaderFindsLayer();
+    report.layerFound = gpu::layerIsAvailable();
     report.layerOnByVariable =
         names("VK_INSTANCE_LAYERS", gpu::kLayerName) || names("VK_LOADER_LAYERS_ENABLE", gpu::kLayerName);
     report.turnOn = commandsToTurnOn(report, folder);

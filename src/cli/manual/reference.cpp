@@ -6,10 +6,11 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 #include <string>
 #include <vector>
 
-#include "cli/options/cli11.h"
+#include "base/text.h"
 #include "cli/options/commands.h"
 #include "cli/options/options.h"
 #include "core/utf8_path.h"
@@ -48,21 +49,6 @@ struct ManEdition {
     std::string date; // 2026-01-31
 };
 
-// "alpha|omm" -> alpha, omm; empty for anything else.
-std::vector<std::string> wordsOf(const std::string &value)
-{
-    std::vector<std::string> words;
-    if (value.find('|') == std::string::npos)
-        return words;
-    size_t begin = 0;
-    while (begin <= value.size()) {
-        const size_t end = std::min(value.find('|', begin), value.size());
-        words.push_back(value.substr(begin, end - begin));
-        begin = end + 1;
-    }
-    return words;
-}
-
 ReferenceOption read(const CLI::Option &option)
 {
     ReferenceOption result;
@@ -73,7 +59,8 @@ ReferenceOption read(const CLI::Option &option)
     result.positional = option.get_positional();
     if (result.positional || option.get_expected_max() > 0)
         result.value = option.get_type_name();
-    result.words = wordsOf(result.value);
+    if (result.value.find('|') != std::string::npos) // "alpha|omm"
+        result.words = partsOf(result.value, '|');
     result.folder = result.value == "FOLDER";
     result.description = option.get_description();
     return result;
@@ -301,31 +288,15 @@ std::string upper(std::string text)
     return text;
 }
 
-std::vector<std::string> linesOf(const std::string &text)
-{
-    std::vector<std::string> lines;
-    size_t begin = 0;
-    while (begin < text.size()) {
-        const size_t end = std::min(text.find('\n', begin), text.size());
-        lines.push_back(text.substr(begin, end - begin));
-        begin = end + 1;
-    }
-    return lines;
-}
-
-size_t indentOf(const std::string &line)
-{
-    return std::min(line.find_first_not_of(' '), line.size());
-}
-
 // Text at the margin is filled. Indented lines are terms, what is indented further explains them. A heading ends in a
 // colon and begins a section.
 std::string detailsOf(const std::string &details)
 {
     std::string page;
     bool paragraph = false; // inside one
-    for (const std::string &line : linesOf(details)) {
-        const size_t indent = indentOf(line);
+    std::istringstream lines(details);
+    for (std::string line; std::getline(lines, line);) {
+        const size_t indent = std::min(line.find_first_not_of(' '), line.size());
         const std::string text = line.substr(indent);
         const size_t gap = text.find("  ");
         if (text.empty()) {

@@ -11,7 +11,6 @@
 #include "base/files.h"
 #include "base/process.h"
 #include "base/text.h"
-#include "cli/options/cli11.h"
 
 namespace vellum::cli
 {

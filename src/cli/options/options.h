@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Options: groups, checks of their values with messages that name the range ("must be between 0 and 1, got 2"), and
+// Options of CLI11: groups, checks of their values with messages that name the range ("must be between 0 and 1, got 2"), and
 // what --help prints of them: wrapped to the width of the terminal.
 #pragma once
 
@@ -12,9 +12,30 @@
 
 #include "bake/option_ranges.h"
 #include "cli/base/exit_code.h"
-#include "cli/options/cli11.h"
 #include "core/nearest.h"
+#include "core/utf8_path.h"
 #include "gpu/device_selection.h"
+
+// Options of type std::filesystem::path take UTF-8. CLI11's templates look these up, and must therefore come after them.
+// Their own conversion assigns the text, from which a path of Windows would take each byte as a character.
+namespace CLI::detail
+{
+
+inline bool lexical_cast(const std::string &input, std::filesystem::path &output)
+{
+    output = vellum::utf8Path(input);
+    return true;
+}
+
+inline bool lexical_cast(const std::string &input, std::optional<std::filesystem::path> &output)
+{
+    output = vellum::utf8Path(input);
+    return true;
+}
+
+} // namespace CLI::detail
+
+#include <CLI/CLI.hpp>
 
 namespace vellum::cli
 {

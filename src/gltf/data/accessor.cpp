@@ -106,14 +106,6 @@ namespace
 // requesting a lot of memory.
 constexpr size_t kMostZeros = size_t{1} << 22;
 
-template <typename T>
-T load(const uint8_t *bytes)
-{
-    T value;
-    std::memcpy(&value, bytes, sizeof value);
-    return value;
-}
-
 const gltf_json::Accessor &accessorAt(const gltf_json::Model &model, int index, const std::string &what)
 {
     if (index < 0 || static_cast<size_t>(index) >= model.accessors.size())

@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <cstring>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -16,6 +17,15 @@
 
 namespace vellum
 {
+
+// A number as files have it: little-endian, like every system here, and at any address.
+template <typename T>
+T load(const uint8_t *bytes)
+{
+    T value;
+    std::memcpy(&value, bytes, sizeof value);
+    return value;
+}
 
 // The buffer views of one model, which must outlive this. Any thread may read.
 class BufferViews

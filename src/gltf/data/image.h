@@ -2,7 +2,6 @@
 // Decoding of images: PNG, JPEG, WebP and AVIF.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <string>

@@ -2,11 +2,9 @@
 // Uses libpng, libjpeg and libwebp.
 #include <array>
 #include <csetjmp>
-#include <cstdio>
 #include <cstring>
 #include <jerror.h>
 #include <jpeglib.h>
-#include <memory>
 #include <png.h>
 #include <webp/decode.h>
 

@@ -3,7 +3,6 @@
 
 #include <limits>
 
-#include "gltf/file/container.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/uri.h"
 

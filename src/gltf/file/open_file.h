@@ -8,7 +8,6 @@
 #include <filesystem>
 #include <functional>
 #include <span>
-#include <string>
 
 namespace vellum
 {

@@ -10,7 +10,6 @@
 #include "bake/bake.h"
 #include "core/utf8_path.h"
 #include "gltf/file/gltf_error.h"
-#include "gltf/file/open_file.h"
 
 namespace vellum
 {

@@ -10,9 +10,7 @@
 #include <utility>
 
 #include "base/text.h"
-#include "gltf/alpha_textures.h"
 #include "gltf/micromaps/changing_alpha.h"
-#include "gltf/micromaps/known_surface.h"
 #include "gltf/primitive.h"
 
 namespace vellum

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <limits>
 #include <map>
 #include <numeric>
@@ -77,14 +76,6 @@ private:
 };
 
 constexpr size_t kRecordBytes = 8;
-
-template <typename T>
-T load(const uint8_t *bytes)
-{
-    T value;
-    std::memcpy(&value, bytes, sizeof value);
-    return value;
-}
 
 std::string number(uint64_t value)
 {

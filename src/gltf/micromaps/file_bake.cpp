@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gltf/micromaps/file_bake.h"
 
-#include <algorithm>
 #include <set>
 
 #include "core/utf8_path.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/open_file.h"
-#include "gltf/file/output_files.h"
 #include "gltf/file/uri.h"
 #include "gltf/micromaps/document_writer.h"
 

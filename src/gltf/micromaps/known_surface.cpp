@@ -2,10 +2,7 @@
 #include "gltf/micromaps/known_surface.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-
-#include "gltf/micromaps/stored_micromaps.h"
 
 namespace vellum
 {

@@ -31,20 +31,14 @@ PipelineSetup partOf(const PipelineSetup &from, std::span<const uint32_t> groups
     return setup;
 }
 
-std::vector<uint32_t> stagesOf(std::span<const PipelinePart> parts, const PipelinePart &part)
+// The stages or the groups of a part and of its libraries.
+std::vector<uint32_t> allOf(std::vector<uint32_t> PipelinePart::*own, std::span<const PipelinePart> parts,
+                            const PipelinePart &part)
 {
-    std::vector<uint32_t> stages = part.stages;
+    std::vector<uint32_t> all = part.*own;
     for (const uint32_t library : part.libraries)
-        std::ranges::copy(stagesOf(parts, parts[library]), std::back_inserter(stages));
-    return stages;
-}
-
-std::vector<uint32_t> groupsOf(std::span<const PipelinePart> parts, const PipelinePart &part)
-{
-    std::vector<uint32_t> groups = part.groups;
-    for (const uint32_t library : part.libraries)
-        std::ranges::copy(groupsOf(parts, parts[library]), std::back_inserter(groups));
-    return groups;
+        std::ranges::copy(allOf(own, parts, parts[library]), std::back_inserter(all));
+    return all;
 }
 
 MadePipeline linked(Device &gpu, const PipelineSetup &from, std::span<const PipelinePart> parts)
@@ -56,7 +50,7 @@ MadePipeline linked(Device &gpu, const PipelineSetup &from, std::span<const Pipe
         setup.groups.clear();
         for (const uint32_t stage : part.stages)
             setup.stages.push_back(from.stages[stage]);
-        const std::vector<uint32_t> stages = stagesOf(parts, part);
+        const std::vector<uint32_t> stages = allOf(&PipelinePart::stages, parts, part);
         const auto indexOf = [&](uint32_t stage) {
             const auto found = std::ranges::find(stages, stage);
             if (stage != kUnused && found == stages.end())
@@ -76,7 +70,7 @@ MadePipeline linked(Device &gpu, const PipelineSetup &from, std::span<const Pipe
             setup.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
         made.emplace_back(gpu, setup);
     }
-    const std::vector<uint32_t> order = groupsOf(parts, parts.back());
+    const std::vector<uint32_t> order = allOf(&PipelinePart::groups, parts, parts.back());
     std::vector<uint32_t> places;
     for (uint32_t g = 0; g < from.groups.size(); ++g)
         places.push_back(static_cast<uint32_t>(std::ranges::find(order, g) - order.begin()));

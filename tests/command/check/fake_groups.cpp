@@ -14,7 +14,7 @@
 #include "check/case/case.h"
 #include "check/groups/group.h"
 #include "cli/check/cases.h"
-#include "cli/check/protocol.h"
+#include "cli/check/worker.h"
 #include "fake_system.h"
 
 namespace vellum::check
