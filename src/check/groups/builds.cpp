@@ -63,7 +63,42 @@ oracle::MicromapTriangle sameDataOfFourStates(const oracle::MicromapTriangle &tw
     return four;
 }
 
-void makeNearlyEqual(Random &random, oracle::Scene &scene, uint32_t micromap)
+// A place among that many micro-triangles: often one of the first or last, which devices read with others or alone.
+uint32_t placeAmong(Random &random, uint32_t count)
+{
+    const uint32_t end = std::min(count, 128u);
+    switch (below(random, 4)) {
+    case 0: return below(random, end);
+    case 1: return count - 1 - below(random, end);
+    default: return below(random, count);
+    }
+}
+
+// A triangle whose sub-triangles of some level have one state each, except a few, in which one or two micro-triangles
+// have another one. Rays meet these.
+void makeNearlyUniform(Random &random, oracle::Scene &scene, uint32_t micromap, uint32_t triangle, uint32_t maxLevel)
+{
+    const uint32_t level = 1 + below(random, maxLevel), nodeLevel = below(random, level);
+    const uint32_t nodes = 1u << (2 * nodeLevel), size = 1u << (2 * (level - nodeLevel));
+    oracle::MicromapTriangle &made = scene.micromaps[micromap].triangles[triangle];
+    made = {.level = level, .format = chance(random, 50) ? kTwoState : kFourState};
+    const uint32_t values = made.format == kTwoState ? 2 : 4;
+    for (uint32_t node = 0; node < nodes; ++node)
+        made.states.insert(made.states.end(), size,
+                           static_cast<uint8_t>(below(random, chance(random, 70) ? 2 : values)));
+    const uint32_t mixed = 1 + below(random, std::min(nodes, 4u));
+    for (uint32_t i = 0; i < mixed; ++i) {
+        const uint32_t node = below(random, nodes) * size;
+        for (uint32_t k = 1 + below(random, 2); k > 0; --k) {
+            const uint32_t place = node + below(random, size);
+            uint8_t &state = made.states[place];
+            state = static_cast<uint8_t>((state + 1 + below(random, values - 1)) % values);
+            aimAtAll(scene, micromap, triangle, place);
+        }
+    }
+}
+
+void makeNearlyEqual(Random &random, oracle::Scene &scene, uint32_t micromap, uint32_t maxLevel)
 {
     std::vector<oracle::MicromapTriangle> &triangles = scene.micromaps[micromap].triangles;
     for (uint32_t t = 0; t < triangles.size(); ++t) {
@@ -79,13 +114,16 @@ void makeNearlyEqual(Random &random, oracle::Scene &scene, uint32_t micromap)
         const uint32_t other = below(random, micromap + 1);
         const auto &from = scene.micromaps[other].triangles;
         const auto candidates = static_cast<uint32_t>(other == micromap ? t : from.size());
-        if (candidates == 0 || chance(random, 20))
+        if (candidates == 0 || chance(random, 20)) {
+            if (chance(random, 50))
+                makeNearlyUniform(random, scene, micromap, t, maxLevel);
             continue;
+        }
         const uint32_t source = below(random, candidates);
         triangles[t] = from[source];
         if (chance(random, 15))
             continue;
-        const uint32_t place = below(random, static_cast<uint32_t>(triangles[t].states.size()));
+        const uint32_t place = placeAmong(random, static_cast<uint32_t>(triangles[t].states.size()));
         uint8_t &state = triangles[t].states[place];
         state = static_cast<uint8_t>(state ^ (triangles[t].format == kTwoState ? 1 : 1 + below(random, 2)));
         aimAtAll(scene, micromap, t, place);
@@ -157,7 +195,9 @@ Case single(Random &random, const DeviceLimits &limits)
     return c;
 }
 
-// Micromaps most of whose triangles equal another one, or differ from it in one bit, and rays at these micro-triangles.
+// Micromaps most of whose triangles equal another one, or differ from it in one bit, or have stretches of one state
+// with few others in them, and rays at these micro-triangles. Half of them are compacted, some as copies or as
+// serialized.
 Case nearlyEqual(Random &random, const DeviceLimits &limits)
 {
     Limits small = smallScene(limits);
@@ -166,7 +206,19 @@ Case nearlyEqual(Random &random, const DeviceLimits &limits)
     Case c{.scene = makeScene(random, small, limits)};
     c.build.together = chance(random, 50);
     for (uint32_t m = 0; m < c.scene.micromaps.size(); ++m)
-        makeNearlyEqual(random, c.scene, m);
+        makeNearlyEqual(random, c.scene, m, small.maxLevel);
+    using Kind = Step::Kind;
+    for (uint32_t m = 0; m < c.scene.micromaps.size(); ++m) {
+        if (!chance(random, 50))
+            continue;
+        c.scene.micromaps[m].flags |= VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+        const bool host = limits.hostCommands && chance(random, 20);
+        c.scene.micromaps[m].onHost |= host;
+        if (chance(random, 20))
+            c.steps.push_back(
+                {.kind = chance(random, 50) ? Kind::CloneMicromap : Kind::ReloadMicromap, .target = m, .host = host});
+        c.steps.push_back({.kind = Kind::CompactMicromap, .target = m, .host = host});
+    }
     return c;
 }
 
@@ -262,8 +314,13 @@ constexpr std::array kBuildsGroups{
         "ppUsageCounts; triangleArrayStride; arrayOfPointers; \"Multiple elements with the same format and "
         "subdivisionLevel are allowed\"; VkMicromapTriangleKHR: dataOffset \"is a byte aligned value\"",
         200, runGroup<builds>, 200},
-    Group{"nearly-equal", "micromap triangles that equal others or differ from them in one bit",
-          "VkMicromapTriangleKHR: each triangle has the data at its dataOffset", 150, runGroup<nearlyEqual>, 100},
+    Group{"nearly-equal",
+          "micromap triangles that equal others or differ from them in one bit, or are of one state except for few "
+          "micro-triangles, also compacted",
+          "VkMicromapTriangleKHR: each triangle has the data at its dataOffset; "
+          "VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT, "
+          "COMPACT",
+          200, runGroup<nearlyEqual>, 120},
     Group{"geometry",
           "vertices of all formats, strides, offsets, indices and transforms; geometries without triangles, degenerate "
           "and inactive triangles; many geometries; ppGeometries; NO_DUPLICATE_ANY_HIT_INVOCATION",

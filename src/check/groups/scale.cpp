@@ -229,13 +229,12 @@ Case micromapTriangles(Random &random, const DeviceLimits &limits, uint32_t coun
     return c;
 }
 
-// A micromap that may be compacted, of more than 2^15 triangles, of which some in each block of 256 have levels whose
-// data is shared where it is equal; it is compacted, and sometimes copied and serialized before.
-Case sharedData(Random &random, const DeviceLimits &limits)
+// A micromap that may be compacted, of so many triangles, of which some in each block of 256 have levels whose data is
+// shared where it is equal, as that of some of them is; it is compacted, and sometimes copied and serialized before.
+Case sharedData(Random &random, const DeviceLimits &limits, uint32_t count)
 {
     using Kind = Step::Kind;
     constexpr uint32_t kBlock = 256;
-    const uint32_t count = above(random, 1u << 15);
     const std::vector<uint32_t> some = interesting(random, count);
     std::set<uint32_t> numbers(some.begin(), some.end());
     for (uint32_t first = 0; first < count; first += kBlock)
@@ -247,12 +246,18 @@ Case sharedData(Random &random, const DeviceLimits &limits)
     // In half of the cases, the others have equal data of such a level.
     const oracle::MicromapTriangle plain = oracle::mixedTriangle(random, kRequiredLevel, kTwoState);
     const bool fine = chance(random, 50);
+    std::vector<uint32_t> earlier; // of `numbers`; some of the others have the data of one of these, of any block
     for (uint32_t number = 0; number < count; ++number) {
-        if (numbers.contains(number))
+        if (numbers.contains(number) && earlier.size() > 1 && chance(random, 40))
+            micromap.triangles[number] =
+                micromap.triangles[earlier[below(random, static_cast<uint32_t>(earlier.size()))]];
+        else if (numbers.contains(number))
             micromap.triangles[number] =
                 oracle::mixedTriangle(random, kRequiredLevel, chance(random, 50) ? kTwoState : kFourState);
         else if (fine)
             micromap.triangles[number] = plain;
+        if (numbers.contains(number))
+            earlier.push_back(number);
     }
     for (size_t first = 0; first < all.size(); first += kGrid)
         addUses(random, c,
@@ -302,8 +307,14 @@ Case highestLevel(Random &random, uint16_t format, uint32_t level)
     if (format == kTwoState)
         for (uint8_t &state : triangle.states)
             state &= 1;
+    // Half of them where a field of the number's bits ends.
+    std::vector<uint32_t> ends = interesting(random, 1u << (2 * level));
     for (uint32_t i = 0; i < kSingles; ++i) {
-        const uint32_t number = below(random, 1u << (2 * level));
+        uint32_t number = below(random, 1u << (2 * level));
+        if (i % 2 == 0 && !ends.empty()) {
+            number = ends.back();
+            ends.pop_back();
+        }
         triangle.states[number] =
             static_cast<uint8_t>((triangle.states[number] + 1 + below(random, values - 1u)) % values);
         const auto [u, v] = microTriangleCentre(number, level);
@@ -423,7 +434,7 @@ Case someMicromapTriangles(Random &random, const DeviceLimits &limits)
     return micromapTriangles(random, limits, above(random, 1u << 10));
 }
 
-constexpr std::array<MakeCase, 20> kKinds{
+constexpr std::array<MakeCase, 21> kKinds{
     [](Random &random, const DeviceLimits &) { return geometries(random, above(random, 1u << 8)); },
     someTriangles,
     someInstances,
@@ -445,7 +456,8 @@ constexpr std::array<MakeCase, 20> kKinds{
     highestCompacted,
     highestOnHost,
     lossyNodes,
-    sharedData,
+    [](Random &random, const DeviceLimits &limits) { return sharedData(random, limits, above(random, 1u << 15)); },
+    [](Random &random, const DeviceLimits &limits) { return sharedData(random, limits, above(random, 1u << 10)); },
 };
 
 Outcome scale(Session &session, std::string_view group, uint64_t seed)
@@ -457,7 +469,7 @@ constexpr std::array kScaleGroups{
     Group{"scale",
           "more than 256 and 65,536 geometries, triangles, instances and micromap triangles; indices with the highest "
           "bit set; the highest levels, also lossy, copied and serialized; strides of triangle arrays and data of more "
-          "than 64 KiB; more than 32,768 triangles that are compacted",
+          "than 64 KiB; more than 1,024 and 32,768 triangles that are compacted, with equal data far apart",
           "maxGeometryCount, maxPrimitiveCount, maxInstanceCount, maxMicromapTriangles; "
           "VkAccelerationStructureTrianglesOpacityMicromapKHR: indexType, baseTriangle; "
           "maxOpacity2StateSubdivisionLevel, maxOpacity4StateSubdivisionLevel and "
