@@ -34,7 +34,7 @@ uint64_t compactedBytes(const Micromap &micromap)
             input.capacityUnits += (packedBytes(t.subdivisionLevel, t.format) + 15) / 16;
     std::vector<uint8_t> memory(micromapMemoryBytes(input.triangleCount, input.capacityUnits));
     writeMicromapMemory(input, memory.data());
-    return compactMicromapMemory(memory.data(), nullptr);
+    return CompactedMicromap(memory.data()).bytes();
 }
 
 // Cuts every triangle of masked geometry into n * n: more distinct triangles, each with less in it.

@@ -131,15 +131,20 @@ Record recordAt(const Triangle &t, uint64_t unit, uint32_t byte)
     return {kKindFar | t.kind() << kUnitShift | byte << kFarByteShift, static_cast<uint32_t>(unit)};
 }
 
-// A triangle of a micromap, by its record: its data is at dataOffset of the data units. Without data it is invalid.
-struct Built : Triangle {
+} // namespace
+
+// A triangle of a micromap, by its record: its data is at `offset` of the data units. Without data it is invalid.
+struct CompactedTriangle : Triangle {
     Record record;
     uint64_t offset = 0;
     uint32_t hash = 0;
     uint32_t owner = kNoData;
 };
 
-uint32_t hashOf(const Built &t, const uint8_t *data)
+namespace
+{
+
+uint32_t hashOf(const CompactedTriangle &t, const uint8_t *data)
 {
     uint32_t hash = mixBits(t.kind()) + (t.units() > kMaxComparedUnits ? mixBits(static_cast<uint32_t>(t.offset)) : 0);
     for (uint32_t u = 0; u < t.units(); ++u) {
@@ -150,9 +155,9 @@ uint32_t hashOf(const Built &t, const uint8_t *data)
     return hash;
 }
 
-Built readBuilt(const uint8_t *memory, uint32_t i, const uint8_t *units, uint32_t unitCount)
+CompactedTriangle readBuilt(const uint8_t *memory, uint32_t i, const uint8_t *units, uint32_t unitCount)
 {
-    Built t;
+    CompactedTriangle t;
     t.record = readRecord(memory, i);
     if (!staysInside(t.record.word0, t.record.word1, unitCount))
         t.record = {kKindInline, kUnknown};
@@ -177,7 +182,7 @@ Built readBuilt(const uint8_t *memory, uint32_t i, const uint8_t *units, uint32_
     return t;
 }
 
-bool sameData(const Built &a, const Built &b, const uint8_t *units)
+bool sameData(const CompactedTriangle &a, const CompactedTriangle &b, const uint8_t *units)
 {
     if (a.kind() != b.kind() || a.offset == b.offset)
         return a.kind() == b.kind();
@@ -185,17 +190,19 @@ bool sameData(const Built &a, const Built &b, const uint8_t *units)
 }
 
 // The rounds of core/compaction.h.
-void findOwners(std::vector<Built> &triangles, const uint8_t *units)
+void findOwners(std::vector<CompactedTriangle> &triangles, const uint8_t *units)
 {
     const auto count = static_cast<uint32_t>(triangles.size());
     for (uint32_t round = 0; round < kShareRounds; ++round) {
         std::vector<uint32_t> table(shareSlots(count, round), kNoTriangle);
-        const auto slotOf = [&](const Built &t) -> uint32_t & { return table[shareSlot(count, round, t.hash)]; };
+        const auto slotOf = [&](const CompactedTriangle &t) -> uint32_t & {
+            return table[shareSlot(count, round, t.hash)];
+        };
         for (uint32_t i = 0; i < count; ++i) {
             if (triangles[i].owner == kNoTriangle)
                 slotOf(triangles[i]) = std::min(slotOf(triangles[i]), i);
         }
-        for (Built &t : triangles) {
+        for (CompactedTriangle &t : triangles) {
             if (t.owner == kNoTriangle && sameData(t, triangles[slotOf(t)], units))
                 t.owner = slotOf(t);
         }
@@ -208,51 +215,59 @@ void findOwners(std::vector<Built> &triangles, const uint8_t *units)
 
 } // namespace
 
-uint64_t compactMicromapMemory(const uint8_t *memory, uint8_t *out)
+CompactedMicromap::CompactedMicromap(const uint8_t *memory) : memory_(memory), bytes_(micromapMemoryInUse(memory))
 {
     uint32_t header[kMicromapHeaderWords];
     std::memcpy(header, memory, sizeof header);
     const uint32_t count = header[kMicromapHeaderTriangles];
+    if ((header[kMicromapHeaderFlags] & kBuildAllowsCompaction) == 0 || header[kMicromapHeaderCompacted] != 0 ||
+        count > kMostSharing)
+        return;
     const uint8_t *units = memory + micromapMemoryBytes(count, 0);
-    std::vector<Built> triangles;
-    if ((header[kMicromapHeaderFlags] & kBuildAllowsCompaction) != 0 && header[kMicromapHeaderCompacted] == 0 &&
-        count <= kMostSharing) {
-        triangles.reserve(count);
-        for (uint32_t i = 0; i < count; ++i)
-            triangles.push_back(readBuilt(memory, i, units, header[kMicromapHeaderUnits]));
-        findOwners(triangles, units);
-    }
+    triangles_.reserve(count);
+    for (uint32_t i = 0; i < count; ++i)
+        triangles_.push_back(readBuilt(memory, i, units, header[kMicromapHeaderUnits]));
+    findOwners(triangles_, units);
     uint64_t needed = 0;
-    for (uint32_t i = 0; i < triangles.size(); ++i)
-        needed += triangles[i].owner == i ? triangles[i].units() : 0;
-    if (triangles.empty() || needed > header[kMicromapHeaderUnits]) {
-        const uint64_t used = micromapMemoryInUse(memory);
-        if (out)
-            std::memcpy(out, memory, used);
-        return used;
+    for (uint32_t i = 0; i < count; ++i)
+        needed += triangles_[i].owner == i ? triangles_[i].units() : 0;
+    if (count == 0 || needed > header[kMicromapHeaderUnits])
+        triangles_.clear();
+    else
+        bytes_ = micromapMemoryBytes(count, needed);
+}
+
+CompactedMicromap::~CompactedMicromap() = default;
+
+void CompactedMicromap::write(uint8_t *out) const
+{
+    if (triangles_.empty()) {
+        std::memcpy(out, memory_, bytes_);
+        return;
     }
-    const uint64_t bytes = micromapMemoryBytes(count, needed);
-    if (!out)
-        return bytes;
+    const auto count = static_cast<uint32_t>(triangles_.size());
+    const uint8_t *units = memory_ + micromapMemoryBytes(count, 0);
     uint8_t *target = out + micromapMemoryBytes(count, 0);
-    uint64_t next = 0;
+    uint32_t next = 0;
     for (uint32_t i = 0; i < count; ++i) {
-        const Built &t = triangles[i];
+        const CompactedTriangle &t = triangles_[i];
         if (t.owner != i) {
             writeRecord(out, i, t.owner == kNoData ? t.record : readRecord(out, t.owner));
             continue;
         }
-        std::memset(target + next * kDataUnitBytes, 0, uint64_t{t.units()} * kDataUnitBytes);
-        std::memcpy(target + next * kDataUnitBytes, units + t.offset, t.bytes());
+        uint8_t *to = target + uint64_t{next} * kDataUnitBytes;
+        std::memset(to, 0, uint64_t{t.units()} * kDataUnitBytes);
+        std::memcpy(to, units + t.offset, t.bytes());
         writeRecord(out, i, recordAt(t, next, 0));
         next += t.units();
     }
     if (count % 2 != 0)
         writeRecord(out, count, {0, 0});
-    header[kMicromapHeaderUnits] = static_cast<uint32_t>(needed);
+    uint32_t header[kMicromapHeaderWords];
+    std::memcpy(header, memory_, sizeof header);
+    header[kMicromapHeaderUnits] = next;
     header[kMicromapHeaderCompacted] = 1;
     std::memcpy(out, header, sizeof header);
-    return bytes;
 }
 
 void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out)

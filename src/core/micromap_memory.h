@@ -39,10 +39,28 @@ void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out);
 // Bytes in use of the micromap at `memory`; 0 if there is none.
 uint64_t micromapMemoryInUse(const uint8_t *memory);
 
-// Writes the compacted copy of a micromap to `out`, unless that is null, and returns its size (core/compaction.h).
-// Uniform triangles take no data, and identical data is kept once. A micromap that was built without
-// VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT, or that would not become smaller, is copied as it is.
-uint64_t compactMicromapMemory(const uint8_t *memory, uint8_t *out);
+struct CompactedTriangle; // micromap_memory.cpp
+
+// The compacted copy of a micromap (core/compaction.h). Uniform triangles take no data, and identical data is kept
+// once. A micromap that was built without VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT, or that would not become smaller,
+// is copied as it is.
+class CompactedMicromap
+{
+public:
+    // `memory` must stay as it is until the copy is written.
+    explicit CompactedMicromap(const uint8_t *memory);
+    ~CompactedMicromap();
+    CompactedMicromap(const CompactedMicromap &) = delete;
+    CompactedMicromap &operator=(const CompactedMicromap &) = delete;
+
+    [[nodiscard]] uint64_t bytes() const { return bytes_; }
+    void write(uint8_t *out) const;
+
+private:
+    const uint8_t *memory_;
+    uint64_t bytes_;
+    std::vector<CompactedTriangle> triangles_; // none if it is copied as it is
+};
 
 // Makes every record of a micromap that points outside the micromap's own units unknown.
 void distrustMicromapRecords(uint8_t *memory);

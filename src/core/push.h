@@ -221,7 +221,9 @@ struct TopSavePush {
     uint pass;       // 0: headers, 1: instances
 };
 
-// pipelines/hit_records.comp
+// pipelines/hit_records.comp. An invocation copies so many units of 16 bytes, or looks at so many copied records.
+VELLUM_CONST uint kHitUnitsOfThread = 8u;
+VELLUM_CONST uint kHitRecordsOfThread = 8u;
 struct HitRecordsPush {
     VELLUM_ADDRESS source; // hit records; with a command, the address in it is used
     VELLUM_ADDRESS target;

@@ -63,8 +63,9 @@ void damage(Reader &input, std::vector<uint8_t> memory)
         return; // rejected by the layer
     memory.resize(used);
     memory.shrink_to_fit();
-    std::vector<uint8_t> compacted(compactMicromapMemory(memory.data(), nullptr));
-    compactMicromapMemory(memory.data(), compacted.data());
+    const CompactedMicromap compacted(memory.data());
+    std::vector<uint8_t> copy(compacted.bytes());
+    compacted.write(copy.data());
     distrustMicromapRecords(memory.data());
     FUZZ_CHECK(micromapMemoryInUse(memory.data()) == used);
     checkStaysInside(memory);
@@ -137,13 +138,14 @@ void buildMemory(Reader &input)
     const std::span<const uint8_t> inUse(memory.data(), used);
     checkBuilt(model, inUse);
 
-    std::vector<uint8_t> compacted(compactMicromapMemory(memory.data(), nullptr));
-    FUZZ_CHECK(compacted.size() <= used);
-    FUZZ_CHECK(compactMicromapMemory(memory.data(), compacted.data()) == compacted.size());
+    const CompactedMicromap compactedCopy(memory.data());
+    FUZZ_CHECK(compactedCopy.bytes() <= used);
+    std::vector<uint8_t> compacted(compactedCopy.bytes());
+    compactedCopy.write(compacted.data());
     FUZZ_CHECK(micromapMemoryInUse(compacted.data()) == compacted.size());
     checkBuilt(model, compacted);
     checkStaysInside(compacted);
-    FUZZ_CHECK(compactMicromapMemory(compacted.data(), nullptr) == compacted.size());
+    FUZZ_CHECK(CompactedMicromap(compacted.data()).bytes() == compacted.size());
 
     // Valid records are unchanged.
     std::vector<uint8_t> copy(inUse.begin(), inUse.end());

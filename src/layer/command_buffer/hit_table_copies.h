@@ -41,6 +41,7 @@ public:
     // The recorded commands are gone. `shared`: as in ScratchMemory::setShared.
     void reset();
     void setShared(bool shared) { shared_ = shared; }
+    [[nodiscard]] bool isShared() const { return shared_; }
 
 private:
     struct Entry {

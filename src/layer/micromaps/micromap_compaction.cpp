@@ -31,9 +31,8 @@ VkDeviceSize scratchBytes(const MicromapCompactPush &push)
     return words * 4;
 }
 
-MicromapCompactPush pushOf(DeviceMicromaps &device, const Micromap &source)
+MicromapCompactPush pushOf(DeviceMicromaps &device, const Micromap &source, const MicromapBound &bound)
 {
-    const MicromapBound bound = micromapBound(device, source);
     MicromapCompactPush push{};
     push.source = micromapAddress(device.driver, source);
     push.sourceUnits = static_cast<uint32_t>(std::min<VkDeviceSize>(source.size / kDataUnitBytes, UINT32_MAX));
@@ -94,9 +93,11 @@ MicromapBound boundOf(VkDeviceSize bytes)
 void MicromapBounds::record(VkDeviceAddress address, const MicromapBound &bound)
 {
     std::lock_guard lock(mutex_);
-    if (bounds_.size() >= kMostBounds)
-        bounds_.clear();
-    bounds_[address] = bound;
+    if (const auto known = bounds_.find(address); known != bounds_.end())
+        known->second = {std::max(known->second.triangles, bound.triangles),
+                         std::max(known->second.bytes, bound.bytes)};
+    else if (bounds_.size() < kMostBounds)
+        bounds_.emplace(address, bound);
 }
 
 MicromapBound MicromapBounds::get(VkDeviceAddress address, VkDeviceSize size)
@@ -142,7 +143,7 @@ void recordCompactedSizes(DeviceMicromaps &device, VkCommandBuffer commandBuffer
     for (const CompactedSize &size : sizes) {
         if (size.micromap.size < kMicromapHeaderWords * 4)
             continue;
-        MicromapCompactPush push = pushOf(device, size.micromap);
+        MicromapCompactPush push = pushOf(device, size.micromap, micromapBound(device, size.micromap));
         if (!pushes.empty() && total + scratchBytes(push) > kScratchAtOnce && !record())
             return;
         push.scratch = state ? state->scratch.allocate(scratchBytes(push)) : 0;
@@ -162,7 +163,11 @@ VkDeviceAddress recordCompaction(DeviceMicromaps &device, VkCommandBuffer comman
                                  const Micromap &source, const Micromap &target)
 {
     CommandState *const state = device.commands.states.get(commandBuffer);
-    MicromapCompactPush push = pushOf(device, source);
+    // A target holds all triangles of what is compacted into it. A small one may have been recorded before they were.
+    MicromapBound bound = micromapBound(device, source);
+    bound.triangles = std::clamp(bound.triangles, boundOf(std::min({source.size, target.size, kLargeHandle})).triangles,
+                                 boundOf(target.size).triangles);
+    MicromapCompactPush push = pushOf(device, source, bound);
     if (state) {
         state->scratch.restart();
         push.scratch = state->scratch.allocate(scratchBytes(push));

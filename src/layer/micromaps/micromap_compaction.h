@@ -28,8 +28,9 @@ MicromapBound boundOf(VkDeviceSize bytes);
 
 // Bounds of the micromaps in large handles, by their addresses. A handle may reach to the end of a buffer of hundreds
 // of megabytes, and the scratch memory of a compaction must have tables for all triangles that the micromap may have. A
-// bound is that of the micromap that was recorded there last. Without one, the size of the handle is the bound. A
-// micromap with more triangles is left as it is: one that was not recorded last, but is executed last.
+// bound is that of all micromaps that were ever recorded there: what is recorded last need not be executed yet. Without
+// one, the size of the handle is the bound. A micromap with more triangles, which was recorded later, is left as it is;
+// bounds only grow, so a copy that is recorded after a query fits in the size that the query reports.
 class MicromapBounds
 {
 public:

@@ -87,7 +87,7 @@ uint64_t compactedBytes(DeviceMicromaps &device, VkMicromapEXT handle)
 {
     const uint64_t used = usedBytes(device, handle);
     const View source(device, handle, used, HostView::For::Reading);
-    return used == 0 || !source.bytes() ? 0 : compactMicromapMemory(source.bytes(), nullptr);
+    return used == 0 || !source.bytes() ? 0 : CompactedMicromap(source.bytes()).bytes();
 }
 
 // The bytes in use; the header if none are.
@@ -162,13 +162,17 @@ VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR 
 {
     if (!copyOf(device, "vkCopyMicromapEXT", *info).accepted)
         return rejected(device);
-    const bool compact = info->mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT;
     const uint64_t used = usedBytes(device, info->src);
-    const uint64_t needed = compact ? compactedBytes(device, info->src) : used;
     const uint64_t capacity = micromapOf(info->dst)->size;
     const View source = viewOf(device, info->src, used);
+    if (!source.bytes())
+        return VK_ERROR_OUT_OF_HOST_MEMORY;
+    std::optional<CompactedMicromap> compacted;
+    if (info->mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT && used != 0)
+        compacted.emplace(source.bytes());
+    const uint64_t needed = compacted ? compacted->bytes() : used;
     const View target(device, info->dst, std::max(needed, kHeaderBytes), HostView::For::Writing);
-    if (!source.bytes() || !target.bytes())
+    if (!target.bytes())
         return VK_ERROR_OUT_OF_HOST_MEMORY;
     // Same rule as on the device (shaders/micromaps/micromap_move.comp, micromap_compact_place.comp).
     if (target.bytes() < source.bytes() + used && source.bytes() < target.bytes() + std::min(needed, capacity)) {
@@ -178,8 +182,8 @@ VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR 
         reportCopy(device, needed == 0 ? kNotBuilt : kTooLarge, info->dst);
     } else {
         recordMicromapBound(device, *micromapOf(info->dst), boundOf(needed));
-        if (compact)
-            compactMicromapMemory(source.bytes(), target.bytes());
+        if (compacted)
+            compacted->write(target.bytes());
         else
             std::memcpy(target.bytes(), source.bytes(), used);
     }

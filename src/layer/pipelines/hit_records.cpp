@@ -16,8 +16,6 @@ using Region = VkStridedDeviceAddressRegionKHR;
 // Capacity for the hit records of an indirect command, whose number only the GPU knows.
 constexpr uint32_t kIndirectCapacity = 16 * 1024 * 1024;
 constexpr uint32_t kIndirectThreads = 4096;
-constexpr uint32_t kBytesOfThread = 128; // copied by each thread of hit_records.comp
-constexpr uint32_t kRecordsOfThread = 8; // where the driver has copied them
 // The driver copies larger tables. A smaller one is copied faster by the shader, with a barrier less.
 constexpr VkDeviceSize kLeastTransfer = 16 * 1024;
 // After so many bytes of a driver on a CPU, the shader looks for null records in them, while a cache holds them.
@@ -83,12 +81,15 @@ bool write(DevicePipelines &device, VkCommandBuffer commandBuffer, const Region 
     const uint64_t records =
         std::max(recordsOf(table), std::min(reached, recordsOf({copy.address, table.stride, copy.bytes})));
     InjectedWork work(device.commands, commandBuffer);
+    // Another execution of a command buffer with SIMULTANEOUS_USE may trace with the copy meanwhile. The shader writes
+    // each word once, the driver also null records.
+    const bool transfers =
+        table.size >= kLeastTransfer && device.commands.states.get(commandBuffer)->hitTables.isShared();
     const AddressMap::Location source =
-        table.size < kLeastTransfer
-            ? AddressMap::Location{}
-            : device.buffers.addresses.covering(table.deviceAddress, table.size, VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
+        transfers ? device.buffers.addresses.covering(table.deviceAddress, table.size, VK_BUFFER_USAGE_TRANSFER_SRC_BIT)
+                  : AddressMap::Location{};
     if (!source.buffer)
-        return run(work, push, std::max(table.size, records * table.stride) / kBytesOfThread + 1);
+        return run(work, push, std::max(table.size, records * table.stride) / (shared::kHitUnitsOfThread * 16) + 1);
     device.commands.states.keep(commandBuffer, source.owner);
     push.copied = 1;
     const VkDeviceSize piece = device.driver.threads == 0 ? table.size : kPiece;
@@ -105,7 +106,8 @@ bool write(DevicePipelines &device, VkCommandBuffer commandBuffer, const Region 
         push.capacity = isLast ? static_cast<uint32_t>(copy.bytes) : push.size;
         work.barrier();
         const uint64_t looked = isLast ? records - push.first : recordsOfPiece;
-        written = work.dispatch(InjectedShader::HitRecords, push, looked / kRecordsOfThread + 1, 64) && written;
+        written =
+            work.dispatch(InjectedShader::HitRecords, push, looked / shared::kHitRecordsOfThread + 1, 64) && written;
         push.first += static_cast<uint32_t>(recordsOfPiece);
     }
     work.barrier();

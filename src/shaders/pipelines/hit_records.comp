@@ -15,8 +15,6 @@ const uint kHandleBytes = 32u;
 const uint kHandleWords = kHandleBytes / 4u;
 const uint kUnitBytes = 16u;
 const uint kHandleUnits = kHandleBytes / kUnitBytes;
-const uint kUnitsOfThread = 8u; // in a row of workgroups' units
-const uint kRecordsOfThread = 8u;
 const uint kCommandWords = 26u;
 const uint kHitWord = 10u; // of the command: hit records' address, size and stride, 64 bits each
 const uint kHitWords = 6u;
@@ -40,13 +38,13 @@ void copyUnits(uvec2 source, uint size, uint stride, uint records, uint recordsW
     const uint step = gl_WorkGroupSize.x % unitsOfRecord;
     const uint padding = records * unitsOfRecord; // where it begins
     const uint end = recordsWritten > records ? (recordsWritten - 1u) * unitsOfRecord + kHandleUnits : whole;
-    const uint unitsOfGroup = gl_WorkGroupSize.x * kUnitsOfThread;
+    const uint unitsOfGroup = gl_WorkGroupSize.x * kHitUnitsOfThread;
     Units from = Units(source);
     Units to = Units(push.target);
     for (uint begin = group * unitsOfGroup; begin < end; begin += groups * unitsOfGroup) {
         uint unit = begin + gl_LocalInvocationIndex;
         uint inRecord = unit % unitsOfRecord;
-        for (uint i = 0u; i < kUnitsOfThread; ++i) {
+        for (uint i = 0u; i < kHitUnitsOfThread; ++i) {
             const bool inHandle = inRecord < kHandleUnits;
             if (unit < whole) {
                 uvec4 value = from.at[unit];
@@ -91,11 +89,11 @@ void patchRecords(uint records, uint stride)
 {
     const uint groups = gl_NumWorkGroups.x * gl_NumWorkGroups.y;
     const uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
-    const uint recordsOfGroup = gl_WorkGroupSize.x * kRecordsOfThread;
+    const uint recordsOfGroup = gl_WorkGroupSize.x * kHitRecordsOfThread;
     for (uint begin = push.first + group * recordsOfGroup; begin < records; begin += groups * recordsOfGroup) {
         const uint first = begin + gl_LocalInvocationIndex;
         uint least = 1u;
-        for (uint i = 0u; i < kRecordsOfThread; ++i) {
+        for (uint i = 0u; i < kHitRecordsOfThread; ++i) {
             const uint record = min(first + i * gl_WorkGroupSize.x, records - 1u);
             least = min(least, Words(elementAddress(push.target, record, stride)).w[0]);
         }

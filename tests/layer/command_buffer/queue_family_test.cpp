@@ -6,6 +6,7 @@
 #include "gpu/copies.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
+#include "harness/states.h"
 
 namespace
 {
@@ -30,8 +31,12 @@ protected:
         throw std::runtime_error("no such queue family");
     }
 
-    // Records for that family, submits there and waits.
-    void submit(uint32_t family, const std::function<void(VkCommandBuffer)> &record)
+    struct Submission {
+        VkCommandPool pool;
+        VkQueue queue;
+    };
+    // Records for that family and submits there.
+    Submission start(uint32_t family, const std::function<void(VkCommandBuffer)> &record)
     {
         auto poolInfo = vkInit<VkCommandPoolCreateInfo>({.queueFamilyIndex = family});
         VkCommandPool pool = VK_NULL_HANDLE;
@@ -46,9 +51,14 @@ protected:
         auto submission = vkInit<VkSubmitInfo>({.commandBufferCount = 1, .pCommandBuffers = &commands});
         const VkQueue queue = gpu().queueOf(family);
         VT_CHECK(vkQueueSubmit(queue, 1, &submission, VK_NULL_HANDLE));
-        VT_CHECK(vkQueueWaitIdle(queue));
-        vkDestroyCommandPool(gpu().device(), pool, nullptr);
+        return {pool, queue};
     }
+    void finish(const Submission &submission)
+    {
+        VT_CHECK(vkQueueWaitIdle(submission.queue));
+        vkDestroyCommandPool(gpu().device(), submission.pool, nullptr);
+    }
+    void submit(uint32_t family, const std::function<void(VkCommandBuffer)> &record) { finish(start(family, record)); }
 };
 
 // Query results may be copied, and queries reset, on queues without compute: "Supported Queue Types" of both commands
@@ -100,6 +110,56 @@ TEST_F(QueueFamilies, QueryResultsWithoutCompute)
             }
         }
     }
+}
+
+// Two queues query and compact a micromap that rays meet meanwhile. All of them only read it, so nothing orders them.
+TEST_F(QueueFamilies, CompactionsOnTwoQueuesDuringTraces)
+{
+    constexpr uint32_t kTriangles = 40, kPatterns = 4;
+    Random random(3);
+    std::vector<std::vector<uint8_t>> patterns;
+    for (uint32_t i = 0; i < kPatterns; ++i)
+        patterns.push_back(randomStates(random, 5, kTwoState));
+    MicromapInput input;
+    for (uint32_t i = 0; i < kTriangles; ++i)
+        input.add(5, kTwoState, patterns[i % kPatterns]);
+    Micromap source(gpu(), std::move(input), VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT);
+    source.build();
+    constexpr VkDeviceSize kCompacted = 64 + kTriangles * 8 + kPatterns * 128;
+    const Micromap first(gpu(), source, kCompacted), second(gpu(), source, kCompacted);
+    const QueryPool pool(gpu(), micromapQueryType(gpu(), VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT), 2);
+    const auto compact = [&](VkQueueFlags purposes, uint32_t query, const Micromap &target) {
+        return start(family(purposes | VK_QUEUE_COMPUTE_BIT | VK_QUEUE_TRANSFER_BIT), [&](VkCommandBuffer commands) {
+            vkCmdResetQueryPool(commands, pool, query, 1);
+            recordMicromapProperties(gpu(), commands, std::array{source.handle()}, pool.type(), pool, query);
+            recordMicromapCopy(gpu(), commands, source.handle(), target.handle(), VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+        });
+    };
+    // What rays see that hit the middle of one micro-triangle of each triangle.
+    const auto traced = [&](const Micromap &micromap) {
+        constexpr uint32_t kState = 77;
+        Geometry geometry{.vertices = triangleRow(kTriangles)};
+        geometry.micromap = Attachment{&micromap};
+        const Blas blas(gpu(), {geometry});
+        const Tlas tlas(gpu(), {instance(blas, {}, 1)});
+        const auto centre = microTriangleCentre(kState, 5);
+        std::vector<Ray> rays(kTriangles);
+        for (uint32_t t = 0; t < kTriangles; ++t)
+            rays[t].origin = {1.5f * static_cast<float>(t) + static_cast<float>(centre[0]),
+                              static_cast<float>(centre[1]), 1};
+        const std::vector<Result> results = Tracer(gpu()).trace(tlas, rays);
+        for (uint32_t t = 0; t < kTriangles; ++t)
+            EXPECT_EQ(results[t].committed == kTriangle, patterns[t % kPatterns][kState] == 1) << t;
+    };
+    const Submission one = compact(VK_QUEUE_GRAPHICS_BIT, 0, first);
+    const Submission other = compact(0, 1, second);
+    traced(source);
+    finish(one);
+    finish(other);
+    for (const uint32_t query : {0u, 1u})
+        EXPECT_EQ(pool.value(query), reportedSize(gpu(), kCompacted));
+    traced(first);
+    traced(second);
 }
 
 class QueueFamiliesKhr : public QueueFamilies

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <map>
+#include <utility>
 
 namespace spy
 {
@@ -344,8 +345,20 @@ VKAPI_ATTR void VKAPI_CALL cmdSetStackSize(VkCommandBuffer handle, uint32_t size
 struct TracedWith {
     std::vector<VkStridedDeviceAddressRegionKHR> hitTables;
     std::vector<VkDeviceAddress> commands;
+    bool copied = false; // by vkCmdCopyBuffer, since the last trace
 };
 std::map<VkCommandBuffer, TracedWith> tracedWith;
+
+VKAPI_ATTR void VKAPI_CALL cmdCopyBuffer(VkCommandBuffer handle, VkBuffer from, VkBuffer to, uint32_t count,
+                                         const VkBufferCopy *regions)
+{
+    {
+        std::lock_guard lock(mutex);
+        if (const auto found = tracedWith.find(handle); found != tracedWith.end())
+            found->second.copied = true;
+    }
+    SPY_NEXT(vkCmdCopyBuffer)(handle, from, to, count, regions);
+}
 
 VKAPI_ATTR void VKAPI_CALL cmdTraceRays(VkCommandBuffer handle, const VkStridedDeviceAddressRegionKHR *raygen,
                                         const VkStridedDeviceAddressRegionKHR *miss,
@@ -363,6 +376,9 @@ VKAPI_ATTR void VKAPI_CALL cmdTraceRays(VkCommandBuffer handle, const VkStridedD
                     report("vkCmdTraceRaysKHR: hit tables of a command buffer that may run twice at once overlap");
             }
             found->second.hitTables.push_back(*hit);
+            // The copy has the application's null records, until a shader replaces them.
+            if (std::exchange(found->second.copied, false))
+                report("vkCmdTraceRaysKHR: a command buffer that may run twice at once copies a hit table as it is");
         }
     }
     SPY_NEXT(vkCmdTraceRaysKHR)(handle, raygen, miss, hit, callable, width, height, depth);
@@ -402,6 +418,7 @@ std::span<const Row> pipelines()
         {"vkCreateRayTracingPipelinesKHR", SPY_FUNCTION(createRayTracingPipelines)},
         {"vkCmdBindPipeline", SPY_FUNCTION(cmdBindPipeline)},
         {"vkCmdSetRayTracingPipelineStackSizeKHR", SPY_FUNCTION(cmdSetStackSize)},
+        {"vkCmdCopyBuffer", SPY_FUNCTION(cmdCopyBuffer)},
         {"vkCmdTraceRaysKHR", SPY_FUNCTION(cmdTraceRays)},
         {"vkCmdTraceRaysIndirect2KHR", SPY_FUNCTION(cmdTraceRaysIndirect2)},
     };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Micromap builds and compacting copies, bit for bit: the device's result is compared with the host's
-// writeMicromapMemory and compactMicromapMemory, for every level and format, all build flags, shared and unaligned
+// writeMicromapMemory and CompactedMicromap, for every level and format, all build flags, shared and unaligned
 // data, and input that breaks every rule.
 #include <algorithm>
 
@@ -61,9 +61,10 @@ protected:
         expectEqual(micromap, built);
         if ((flags & kAllow) == 0)
             return;
-        std::vector<uint8_t> compacted(built.size());
-        compacted.resize(vellum::compactMicromapMemory(built.data(), compacted.data()));
-        EXPECT_EQ(vellum::compactMicromapMemory(built.data(), nullptr), compacted.size());
+        const vellum::CompactedMicromap model(built.data());
+        ASSERT_LE(model.bytes(), built.size());
+        std::vector<uint8_t> compacted(model.bytes());
+        model.write(compacted.data());
         EXPECT_EQ(compactedSize(micromap), reportedSize(gpu(), compacted.size()));
         const Micromap copy(gpu(), micromap, compacted.size());
         gpu().submit([&](VkCommandBuffer commands) {

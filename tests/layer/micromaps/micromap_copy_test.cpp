@@ -20,7 +20,8 @@ const vt::Labels kMicromapCopyLabels{{"MicromapCopy.*", "stacked forced"},
                                      {"MicromapCopy.SerializedHeader", "inside"},
                                      {"MicromapCopy.TooSmallATarget", "inside"},
                                      {"MicromapCopy.InvalidDataBecomesUnknown", "inside"},
-                                     {"MicromapCopyValidated.*", "inside"}};
+                                     {"MicromapCopyValidated.*", "inside"},
+                                     {"LargeMicromapCopy.*", "stacked forced inside"}};
 
 using namespace vt;
 
@@ -192,6 +193,91 @@ TEST_F(MicromapCopy, CompactedSizeIsThatOfEveryCopy)
         copy(*each, target, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
         EXPECT_EQ(traced(target), expected(source.input()));
     }
+}
+
+// In a handle of more than 4 MiB, more triangles than micromap_compaction.cpp expects of a small micromap.
+class LargeMicromapCopy : public MicromapCopy
+{
+protected:
+    static constexpr uint32_t kTriangles = 60'000, kBytes = 64, kPatterns = 8;
+    static constexpr VkDeviceSize kCompacted = 64 + kTriangles * 8 + kPatterns * kBytes;
+
+    static MicromapInput large()
+    {
+        Random random(29);
+        MicromapInput input;
+        input.data.resize(size_t{kTriangles} * kBytes);
+        std::generate_n(input.data.begin(), kPatterns * kBytes, [&] { return static_cast<uint8_t>(random() >> 8); });
+        for (uint32_t i = 0; i < kTriangles; ++i) {
+            input.triangles.push_back({i * kBytes, 4, kFourState});
+            std::copy_n(input.data.begin() + i % kPatterns * kBytes, kBytes,
+                        input.data.begin() + ptrdiff_t{i} * kBytes);
+        }
+        return input;
+    }
+    static MicromapInput tiny()
+    {
+        MicromapInput input;
+        input.add(4, kFourState, std::vector<uint8_t>(256, 0));
+        return input;
+    }
+    // Records a command buffer, which execute() submits.
+    template <typename Record>
+    VkCommandBuffer recorded(Record record)
+    {
+        VkCommandBuffer commands = gpu().begin();
+        record(commands);
+        gpu().end(commands);
+        return commands;
+    }
+    void execute(VkCommandBuffer commands)
+    {
+        gpu().execute(commands);
+        vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &commands);
+    }
+    static std::vector<uint8_t> compacted(const Micromap &source)
+    {
+        const vellum::CompactedMicromap model(source.memory());
+        std::vector<uint8_t> bytes(model.bytes());
+        model.write(bytes.data());
+        return bytes;
+    }
+
+    Micromap source_{gpu(), large(), kAllow};
+};
+
+// A small target is enough even if the copy is recorded before the build of its source. This is the first test, since
+// addresses, by which the layer remembers sizes, are used again.
+TEST_F(LargeMicromapCopy, RecordedBeforeTheBuild)
+{
+    ASSERT_TRUE(source_.setInput(tiny()));
+    source_.build();
+    const Micromap target(gpu(), source_, kCompacted);
+    const VkCommandBuffer early = recorded([&](VkCommandBuffer commands) {
+        recordMicromapCopy(gpu(), commands, source_.handle(), target.handle(), VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+    });
+    ASSERT_TRUE(source_.setInput(large()));
+    source_.build();
+    execute(early);
+    const std::vector<uint8_t> expected = compacted(source_);
+    ASSERT_EQ(expected.size(), kCompacted);
+    EXPECT_EQ(std::memcmp(target.memory(), expected.data(), kCompacted), 0);
+}
+
+// A copy fits in the size that a query has reported, although another build of the source is recorded between: it is
+// executed after the copy.
+TEST_F(LargeMicromapCopy, BeforeALaterBuild)
+{
+    source_.build();
+    EXPECT_EQ(compactedSize(source_), reported(kCompacted));
+    const std::vector<uint8_t> expected = compacted(source_);
+    ASSERT_EQ(expected.size(), kCompacted);
+    ASSERT_TRUE(source_.setInput(tiny()));
+    const VkCommandBuffer later = recorded([&](VkCommandBuffer commands) { source_.record(commands); });
+    const Micromap target(gpu(), source_, kCompacted);
+    copy(source_, target, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+    EXPECT_EQ(std::memcmp(target.memory(), expected.data(), kCompacted), 0);
+    execute(later);
 }
 
 // Only a build with the flag promises a size of less than a clone's.

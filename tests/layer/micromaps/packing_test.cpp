@@ -30,8 +30,9 @@ protected:
         std::memset(arena_.bytes(), kGuard, kArenaBytes);
         source_.build();
         used_ = vellum::micromapMemoryInUse(source_.memory());
-        compacted_.resize(used_);
-        compacted_.resize(vellum::compactMicromapMemory(source_.memory(), compacted_.data()));
+        const vellum::CompactedMicromap compacted(source_.memory());
+        compacted_.resize(compacted.bytes());
+        compacted.write(compacted_.data());
     }
     ~Packing() override
     {

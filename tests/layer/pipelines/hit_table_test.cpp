@@ -295,6 +295,26 @@ TEST_F(HitTables, SimultaneousUse)
     }
 }
 
+// As above, with a table so large that the driver copies it for other command buffers, null records included.
+TEST_F(HitTables, SimultaneousUseOfALargeTable)
+{
+    PipelineTracerSetup setup;
+    setup.records.assign(2000, std::nullopt);
+    PipelineTracer tracer(gpu(), setup);
+    const PipelineScene scene(gpu(), {.triangleRecord = 1999, .boxRecord = 1998});
+    constexpr uint32_t kFlags = kTrianglesOnly | kRayOpaque;
+    tracer.prepare(scene.tlas(), scene.rays(kFlags), 4);
+    tracer.clearResults();
+    VkCommandBuffer commands = gpu().begin(VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT);
+    tracer.bind(commands);
+    tracer.dispatch(commands);
+    barrier(commands);
+    gpu().end(commands);
+    gpu().execute(commands);
+    scene.expect(tracer.results(), kFlags);
+    vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &commands);
+}
+
 // A table that changes between two traces of a command buffer, which is submitted twice. Each kind of dependency that
 // makes the change visible is as weak as the specification allows.
 class ChangedHitTables : public HitTables
