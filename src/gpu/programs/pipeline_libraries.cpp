@@ -7,6 +7,20 @@
 
 namespace vellum::gpu
 {
+namespace
+{
+
+// The stages or the groups of a part and of its libraries.
+std::vector<uint32_t> allOf(std::vector<uint32_t> PipelinePart::*own, std::span<const PipelinePart> parts,
+                            const PipelinePart &part)
+{
+    std::vector<uint32_t> all = part.*own;
+    for (const uint32_t library : part.libraries)
+        std::ranges::copy(allOf(own, parts, parts[library]), std::back_inserter(all));
+    return all;
+}
+
+} // namespace
 
 PipelineSetup partOf(const PipelineSetup &from, std::span<const uint32_t> groups)
 {
@@ -31,14 +45,9 @@ PipelineSetup partOf(const PipelineSetup &from, std::span<const uint32_t> groups
     return setup;
 }
 
-// The stages or the groups of a part and of its libraries.
-std::vector<uint32_t> allOf(std::vector<uint32_t> PipelinePart::*own, std::span<const PipelinePart> parts,
-                            const PipelinePart &part)
+std::vector<uint32_t> stagesOf(std::span<const PipelinePart> parts, const PipelinePart &part)
 {
-    std::vector<uint32_t> all = part.*own;
-    for (const uint32_t library : part.libraries)
-        std::ranges::copy(allOf(own, parts, parts[library]), std::back_inserter(all));
-    return all;
+    return allOf(&PipelinePart::stages, parts, part);
 }
 
 MadePipeline linked(Device &gpu, const PipelineSetup &from, std::span<const PipelinePart> parts)
@@ -50,7 +59,7 @@ MadePipeline linked(Device &gpu, const PipelineSetup &from, std::span<const Pipe
         setup.groups.clear();
         for (const uint32_t stage : part.stages)
             setup.stages.push_back(from.stages[stage]);
-        const std::vector<uint32_t> stages = allOf(&PipelinePart::stages, parts, part);
+        const std::vector<uint32_t> stages = stagesOf(parts, part);
         const auto indexOf = [&](uint32_t stage) {
             const auto found = std::ranges::find(stages, stage);
             if (stage != kUnused && found == stages.end())
