@@ -79,7 +79,8 @@ struct Implementation {
 };
 
 // The parts that measure, with the seconds of each. The self-check is first: of a wrong device no time matters.
-std::vector<Part> measuringParts(const std::vector<Implementation> &implementations, const Found &device, double seconds)
+std::vector<Part> measuringParts(const std::vector<Implementation> &implementations, const Found &device,
+                                 double seconds)
 {
     struct Share {
         PartKind kind;
@@ -135,7 +136,8 @@ public:
     }
     void measure(const std::vector<Implementation> &implementations)
     {
-        const std::vector<Part> parts = measuringParts(implementations, device_, std::max(options_.seconds - elapsed(), 10.0));
+        const std::vector<Part> parts =
+            measuringParts(implementations, device_, std::max(options_.seconds - elapsed(), 10.0));
         for (const Part &part : parts) {
             if (Interruptible::interrupted())
                 return;

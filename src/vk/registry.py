@@ -243,8 +243,8 @@ struct StructureSize {{
     uint16_t bytes;
     const char *name;
 }};
-// Sorted by type. Structures of provisional extensions may change and are not here; those that only drivers write are in no
-// chain that the layer copies.
+// Sorted by type. Structures of provisional extensions may change and are not here; those that only drivers write are
+// in no chain that the layer copies.
 // clang-format off
 inline constexpr StructureSize kStructureSizes[] = {{
 {rows}}};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Options of CLI11: groups, checks of their values with messages that name the range ("must be between 0 and 1, got 2"), and
-// what --help prints of them: wrapped to the width of the terminal.
+// Options of CLI11: groups, checks of their values with messages that name the range ("must be between 0 and 1, got
+// 2"), and what --help prints of them: wrapped to the width of the terminal.
 #pragma once
 
 #include <array>
@@ -16,8 +16,8 @@
 #include "core/utf8_path.h"
 #include "gpu/device_selection.h"
 
-// Options of type std::filesystem::path take UTF-8. CLI11's templates look these up, and must therefore come after them.
-// Their own conversion assigns the text, from which a path of Windows would take each byte as a character.
+// Options of type std::filesystem::path take UTF-8. CLI11's templates look these up, and must therefore come after
+// them. Their own conversion assigns the text, from which a path of Windows would take each byte as a character.
 namespace CLI::detail
 {
 

@@ -2,6 +2,7 @@
 // Uses libpng, libjpeg and libwebp.
 #include <array>
 #include <csetjmp>
+#include <cstdio>
 #include <cstring>
 #include <jerror.h>
 #include <jpeglib.h>
