@@ -148,6 +148,15 @@ private:
                              VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, 1, &built, 0, nullptr, 0, nullptr);
     }
 
+    // Makes what shaders have written visible to the host, and to nothing else.
+    static void resultsBarrier(VkCommandBuffer commands)
+    {
+        const auto written = vkInit<VkMemoryBarrier>(
+            {.srcAccessMask = VK_ACCESS_SHADER_WRITE_BIT, .dstAccessMask = VK_ACCESS_HOST_READ_BIT});
+        vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &written,
+                             0, nullptr, 0, nullptr);
+    }
+
     // Traces by tracers that are prepared.
     template <class Traces>
     void run(std::span<Traces *const> tracers, const Record &beside)
@@ -188,7 +197,10 @@ private:
                     }
                     tracer->dispatch(commands);
                 }
-                barrier(commands);
+                if (plan_.rerecorded)
+                    resultsBarrier(commands);
+                else
+                    barrier(commands);
             },
             {.secondary = plan_.secondary, .times = plan_.twice ? 2u : 1u, .rerecorded = plan_.rerecorded});
     }
