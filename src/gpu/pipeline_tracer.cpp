@@ -208,7 +208,7 @@ void PipelineTracer::setTable(const TracerTable &table)
             {table.miss[i] ? std::optional(placeOf(1)) : std::nullopt, recordData(table.content, table.data + 50 + i)});
     for (uint32_t i = 0; i < table.hit.size(); ++i)
         records.hit.push_back({table.hit[i] ? std::optional(placeOf(2 + *table.hit[i])) : std::nullopt,
-                               recordData(table.content, table.data + 100 + i)});
+                               recordData(table.content, table.data + PipelineTracer::kFirstHitData + i)});
     for (uint32_t i = 0; callableGroup_ && i < kCallables; ++i)
         records.callable.push_back({placeOf(*callableGroup_), recordData(table.content, table.data + 40 + i)});
     if (relayGroup_ > 0) {

@@ -17,6 +17,11 @@ inline constexpr uint32_t kUnknownResult = 0xffffffff; // neither closest-hit no
 inline constexpr uint32_t kDecoyVisit = 0x100000;      // that the decoy of an intersection shader adds to visitCount
 inline constexpr uint32_t kHitKindFront = 0xfe;
 inline constexpr uint32_t kHitKindBack = 0xff;
+// The kind that intersection shaders report: any of 0 to 127.
+constexpr uint32_t hitKindOfBox(uint32_t primitive, uint32_t geometry)
+{
+    return (0x10 + 29 * primitive + 51 * geometry) & 0x7f;
+}
 
 struct CandidateNote { // of an any-hit invocation
     uint32_t flags, hitKind, record, intact;
@@ -114,6 +119,7 @@ class PipelineTracer
 public:
     static constexpr uint32_t kPushSize = 32;
     static constexpr uint32_t kCallables = 3;
+    static constexpr uint32_t kFirstHitData = 100; // data of hit records: TracerTable::data + this + number
 
     explicit PipelineTracer(Device &gpu, const PipelineTracerSetup &setup = {});
     // Uses the pipeline of `other`, which lives as long as one of the tracers. The setup is that of the other.

@@ -99,6 +99,7 @@ Case randomCase(uint32_t seed, uint32_t rays)
         oracle::TablePlan made{.misses = 1 + below(random, 3),
                                .nullMiss = yes(),
                                .content = yes() ? RecordData::Word : RecordData::Words,
+                               .zeroData = yes() ? std::optional(below(random, 9)) : std::nullopt,
                                .layout = {.before = below(random, 3),
                                           .reversed = yes(),
                                           .missPadding = below(random, 3),

@@ -268,9 +268,9 @@ private:
             line("     All builds and the rays are in one command buffer.");
         if (case_.build.conditional != Conditional::None)
             line("     Builds, copies and queries are within conditional rendering whose predicate is {}{}.",
-                 case_.build.conditional == Conditional::InvertedTrue ? "true and inverted" : "false",
+                 isInverted(case_.build.conditional) ? "true and inverted" : "false",
                  case_.build.single ? "" : ", and so is a dispatch after each build and copy");
-        if (case_.build.conditional == Conditional::FalseAtAddress)
+        if (isAtAddress(case_.build.conditional))
             line("     It begins by vkCmdBeginConditionalRendering2EXT.");
         if (case_.build.unrelated)
             line("     Commands that build several objects build an unrelated top level first; that which builds the "
@@ -610,6 +610,8 @@ void Account::writePipeline(const PipelinePlan &pipeline)
             kinds.push_back(nameOf(kHitRecordNames, record));
         if (!kinds.empty())
             text += fmt::format(", in turn {}", fmt::join(kinds, ", "));
+        if (table.zeroData)
+            text += fmt::format(", the data of record {} begins with 0", *table.zeroData);
         if (table.layout.zeroStride)
             text += ", stride 0";
         if (table.layout.hitPadding > 0)
@@ -645,6 +647,8 @@ void Account::writeRay()
     if (case_.trace.twice)
         line("The command buffer is submitted twice{}.",
              case_.build.backwards ? ", those of the micromaps and the objects once" : "");
+    if (case_.trace.rerecorded)
+        line("The command buffer is recorded twice, and then executed.");
     if (case_.trace.maintenance6)
         line("The descriptor set is bound by vkCmdBindDescriptorSets2KHR, and constants are pushed by "
              "vkCmdPushConstants2KHR.");

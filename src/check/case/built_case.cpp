@@ -138,19 +138,21 @@ void BuiltCase::recordUnder(VkCommandBuffer commands, const Record &record, bool
     };
     if (case_.build.conditional == Conditional::None)
         return recordBetween();
-    const bool inverted = case_.build.conditional == Conditional::InvertedTrue; // the true one discards
-    if (case_.build.conditional == Conditional::FalseAtAddress) {
+    const bool inverted = isInverted(case_.build.conditional); // the true one discards
+    const VkDeviceSize offset = inverted ? 0 : sizeof(uint32_t);
+    const VkConditionalRenderingFlagsEXT flags =
+        inverted ? VkConditionalRenderingFlagsEXT{VK_CONDITIONAL_RENDERING_INVERTED_BIT_EXT} : 0u;
+    if (isAtAddress(case_.build.conditional)) {
         const auto begin = vkInit<VkConditionalRenderingBeginInfo2EXT>(
-            {.addressRange = {predicate_.address() + sizeof(uint32_t), sizeof(uint32_t)},
-             .addressFlags = kUnknownUsage});
+            {.addressRange = {predicate_.address() + offset, sizeof(uint32_t)},
+             .addressFlags = kUnknownUsage,
+             .flags = flags});
         gpu_.vk().CmdBeginConditionalRendering2EXT(commands, &begin);
         recordBetween();
         return gpu_.vk().CmdEndConditionalRenderingEXT(commands);
     }
-    const auto begin = vkInit<VkConditionalRenderingBeginInfoEXT>(
-        {.buffer = predicate_.handle(),
-         .offset = inverted ? 0 : sizeof(uint32_t),
-         .flags = inverted ? VkConditionalRenderingFlagsEXT{VK_CONDITIONAL_RENDERING_INVERTED_BIT_EXT} : 0u});
+    const auto begin =
+        vkInit<VkConditionalRenderingBeginInfoEXT>({.buffer = predicate_.handle(), .offset = offset, .flags = flags});
     gpu_.vk().CmdBeginConditionalRenderingEXT(commands, &begin);
     recordBetween();
     gpu_.vk().CmdEndConditionalRenderingEXT(commands);

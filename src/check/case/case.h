@@ -28,10 +28,20 @@ enum class BuildCommand {
 // discards a dispatch that follows each build and copy, except before rays.
 enum class Conditional {
     None,
-    False,          // the predicate is false
-    InvertedTrue,   // it is inverted, and the predicate is true
-    FalseAtAddress, // as False, by vkCmdBeginConditionalRendering2EXT
+    False,        // the predicate is false
+    InvertedTrue, // it is inverted, and the predicate is true
+    // As above, by vkCmdBeginConditionalRendering2EXT
+    FalseAtAddress,
+    InvertedTrueAtAddress,
 };
+inline bool isInverted(Conditional conditional)
+{
+    return conditional == Conditional::InvertedTrue || conditional == Conditional::InvertedTrueAtAddress;
+}
+inline bool isAtAddress(Conditional conditional)
+{
+    return conditional == Conditional::FalseAtAddress || conditional == Conditional::InvertedTrueAtAddress;
+}
 
 struct BuildPlan {
     BuildCommand micromaps = BuildCommand::Device;
@@ -219,6 +229,7 @@ struct TracePlan {
     bool pipelineLast = false;  // boundFirst: the pipeline or shader object is bound after the builds
     bool maintenance6 = false;  // by vkCmdBindDescriptorSets2KHR and vkCmdPushConstants2KHR
     bool twice = false;         // the command buffer that traces is submitted twice
+    bool rerecorded = false;    // it is recorded twice, and then executed; without builds and a barrier for tables
     Query query = Query::Plain; // Query; other than Plain: in the compute stage, not byAddress
     // Query: the module went through spirv-opt; in the compute stage, not byAddress, with flags of run time.
     bool optimized = false;

@@ -195,6 +195,7 @@ void of(Archive &archive, T &table)
     archive.value("misses", table.misses, standard.misses);
     archive.value("nullMiss", table.nullMiss, false);
     archive.name("content", table.content, kRecordDataNames, standard.content);
+    archive.value("zeroData", table.zeroData, std::optional<uint32_t>());
     archive.value("before", table.layout.before, 0u);
     archive.value("reversed", table.layout.reversed, false);
     archive.value("missPadding", table.layout.missPadding, 0u);
@@ -263,6 +264,7 @@ void of(Archive &archive, T &trace)
     archive.value("pipelineLast", trace.pipelineLast, standard.pipelineLast);
     archive.value("maintenance6", trace.maintenance6, standard.maintenance6);
     archive.value("twice", trace.twice, standard.twice);
+    archive.value("rerecorded", trace.rerecorded, standard.rerecorded);
     archive.name("query", trace.query, kQueryNames, standard.query);
     archive.value("optimized", trace.optimized, standard.optimized);
     archive.value("signedFlags", trace.signedFlags, standard.signedFlags);

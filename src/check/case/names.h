@@ -42,6 +42,7 @@ inline constexpr std::array kConditionalNames{
     Name<Conditional>{Conditional::False, "false"},
     Name<Conditional>{Conditional::InvertedTrue, "inverted-true"},
     Name<Conditional>{Conditional::FalseAtAddress, "false-at-address"},
+    Name<Conditional>{Conditional::InvertedTrueAtAddress, "inverted-true-at-address"},
 };
 
 inline constexpr std::array kStepNames{

@@ -93,7 +93,7 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
         return "micromapHostCommands is not supported";
     if (c.build.conditional != Conditional::None && !gpu.has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
         return "VK_EXT_conditional_rendering is not supported";
-    if (c.build.conditional == Conditional::FalseAtAddress && !gpu.has(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME))
+    if (isAtAddress(c.build.conditional) && !gpu.has(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME))
         return "VK_KHR_device_address_commands is not supported";
     if (c.build.structures == BuildCommand::Indirect && !gpu.hasIndirectBuilds())
         return "accelerationStructureIndirectBuild is not supported";

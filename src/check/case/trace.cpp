@@ -139,6 +139,24 @@ private:
         return isConstant() || plan_.flags == TracePlan::Flags::Mixed ? rays[0].flags : 0;
     }
 
+    // Makes structures that earlier submissions have built visible to rays, and nothing else.
+    static void structuresBarrier(VkCommandBuffer commands)
+    {
+        const auto built = vkInit<VkMemoryBarrier>({.srcAccessMask = VK_ACCESS_ACCELERATION_STRUCTURE_WRITE_BIT_KHR,
+                                                    .dstAccessMask = VK_ACCESS_ACCELERATION_STRUCTURE_READ_BIT_KHR});
+        vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR,
+                             VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, 1, &built, 0, nullptr, 0, nullptr);
+    }
+
+    // Makes what shaders have written visible to the host, and to nothing else.
+    static void resultsBarrier(VkCommandBuffer commands)
+    {
+        const auto written = vkInit<VkMemoryBarrier>(
+            {.srcAccessMask = VK_ACCESS_SHADER_WRITE_BIT, .dstAccessMask = VK_ACCESS_HOST_READ_BIT});
+        vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &written,
+                             0, nullptr, 0, nullptr);
+    }
+
     // Traces by tracers that are prepared.
     template <class Traces>
     void run(std::span<Traces *const> tracers, const Record &beside)
@@ -158,7 +176,11 @@ private:
         };
         gpu_.submit(
             [&](VkCommandBuffer commands) {
-                barrier(commands);
+                // What the host has written, such as tables, needs no barrier.
+                if (plan_.rerecorded && gpu_.options().memory != gpu::Memory::DeviceLocal)
+                    structuresBarrier(commands);
+                else
+                    barrier(commands);
                 if (beside && !plan_.boundFirst)
                     beside(commands);
                 if (!plan_.pipelineLast)
@@ -175,9 +197,12 @@ private:
                     }
                     tracer->dispatch(commands);
                 }
-                barrier(commands);
+                if (plan_.rerecorded)
+                    resultsBarrier(commands);
+                else
+                    barrier(commands);
             },
-            {.secondary = plan_.secondary, .times = plan_.twice ? 2u : 1u});
+            {.secondary = plan_.secondary, .times = plan_.twice ? 2u : 1u, .rerecorded = plan_.rerecorded});
     }
 
     // TracePlan::rebound: a pipeline where shader objects trace, a shader object where a pipeline does.
@@ -223,6 +248,8 @@ private:
                                   {pipelines_[p].flags, pipelines_[p].parameters,
                                    t == 0 ? pipelines_[p].table : pipelines_[p].otherTables[t - 1],
                                    static_cast<uint32_t>(p * 16 + t) << 20}});
+            if (const auto zero = traces.back().by.table.zeroData)
+                traces.back().by.data = 0u - PipelineTracer::kFirstHitData - *zero;
         }
         return traces;
     }
@@ -327,6 +354,7 @@ std::vector<std::string> traceFaults(Device &gpu, const Structure &top, const Sc
     TracePlan pipelines = plan; // the members that pipelines depend on
     pipelines.besideBuild = pipelines.boundFirst = pipelines.pipelineLast = false;
     pipelines.maintenance6 = pipelines.secondary = pipelines.twice = pipelines.rebound = false;
+    pipelines.rerecorded = false;
     pipelines.launch = {};
     pipelines.firstDestroyed = pipelines.tablesInPlace = false;
     pipelines.tableBarrier = 0;

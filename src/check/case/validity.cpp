@@ -641,6 +641,8 @@ void checkPlans(const Case &c)
     rule(!c.build.single || !c.build.otherTop, "build.otherTop", "is in a command buffer with all builds");
     rule(!c.build.lateInputs || c.memory == Memory::Apart, "build.lateInputs", "are written to memory that is watched");
     rule(!c.build.backwards || c.build.single, "build.backwards", "is not single");
+    rule(!c.trace.rerecorded || (!c.build.single && !c.trace.besideBuild), "trace.rerecorded",
+         "is with builds in the same command buffer");
     rule(!c.build.secondDevice || c.build.threads == 1, "build.secondDevice", "is used by several threads");
 }
 

@@ -229,6 +229,17 @@ Case pipelinePlans(Random &random, const DeviceLimits &limits)
     return c;
 }
 
+// The data of a hit record that rays reach begins with 0.
+void zeroSome(Random &random, const oracle::Scene &scene, const TraceParameters &parameters, TablePlan &table)
+{
+    if (table.content == RecordData::None || !chance(random, 40))
+        return;
+    const oracle::Instance &instance = scene.instances[below(random, static_cast<uint32_t>(scene.instances.size()))];
+    table.zeroData = instance.record.value_or(0) + (parameters.recordOffset & 15);
+    if (chance(random, 70))
+        table.content = RecordData::Word; // all of it is 0 then
+}
+
 // Tables, of which shaders read their records.
 Case bindingTables(Random &random, const DeviceLimits &limits)
 {
@@ -253,6 +264,7 @@ Case bindingTables(Random &random, const DeviceLimits &limits)
             table.length = chance(random, 40) ? 0 : below(random, most + 1);
         else if (chance(random, 30))
             table.length = most + below(random, 20);
+        zeroSome(random, c.scene, pipeline.parameters, table);
         if (c.trace.pipeline.table == TablePlan())
             pipeline.table = table;
         else
@@ -270,6 +282,7 @@ Case bindingTables(Random &random, const DeviceLimits &limits)
         pipeline.table.length.reset();
     }
     c.trace.tableBarrier = randomBarrier(random, c.trace, limits);
+    c.trace.rerecorded = chance(random, 20);
     return c;
 }
 
@@ -333,6 +346,7 @@ Case severalPipelines(Random &random, const DeviceLimits &limits)
         c.trace.otherPipelines.push_back(randomPipeline());
     c.trace.firstDestroyed = chance(random, 50);
     c.trace.twice = chance(random, 20);
+    c.trace.rerecorded = chance(random, 30);
     c.trace.creation = randomCreation(random);
     c.trace.launch = randomLaunch(random);
     c.trace.dynamicStackSize = chance(random, 20);
@@ -376,8 +390,8 @@ constexpr std::array kPipelinesGroups{
         150, runGroup<pipelineLibraries>, 24},
     Group{
         "binding-tables",
-        "binding tables with callable records, zero records, with and without data, short and long ones, at offsets "
-        "and with strides; "
+        "binding tables with callable records, zero records, with and without data and with data of 0, short and long "
+        "ones, at offsets and with strides, in command buffers that are recorded again; "
         "record offsets of instances beyond 2^8",
         "Shader Binding Table, Indexing Rules; VkStridedDeviceAddressRegionKHR; ShaderRecordBufferKHR; \"A zero shader "
         "group behaves as though it is a shader group consisting entirely of VK_SHADER_UNUSED_KHR\"",

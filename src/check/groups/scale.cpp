@@ -164,6 +164,30 @@ Case instances(Random &random, const DeviceLimits &limits, uint32_t count)
     return c;
 }
 
+// Hit tables of megabytes, whose records are only handles: instances reach those around multiples of powers of two of
+// bytes, most of which are zero.
+Case manyRecords(Random &random, const DeviceLimits &limits)
+{
+    constexpr uint32_t kAround = 6, kHandle = 32;
+    constexpr std::array kEnds{1u << 14, 1u << 16, 1u << 18, 1u << 20, 1u << 21, 3u << 20}; // bytes
+    Case c = instances(random, limits, kEnds.size() * kAround);
+    if (!limits.pipelines)
+        return c;
+    c.steps.clear();
+    c.trace.method = TracePlan::Method::Pipeline;
+    c.trace.pipeline.table.content = RecordData::None;
+    using oracle::HitRecord;
+    std::vector<HitRecord> &records = c.trace.pipeline.table.records;
+    constexpr std::array kKinds{HitRecord::Null, HitRecord::Null, HitRecord::Null, HitRecord::WithoutAnyHit};
+    for (uint32_t i = 0; i < 7; ++i)
+        records.push_back(kKinds[below(random, kKinds.size())]);
+    for (uint32_t i = 0; i < c.scene.instances.size(); ++i) {
+        c.scene.instances[i].record = kEnds[i % kEnds.size()] / kHandle + i / kEnds.size() - 2;
+        c.scene.instances[i].flags = chance(random, 70) ? 0 : c.scene.instances[i].flags;
+    }
+    return c;
+}
+
 // Adds a row of triangles with these triangles of the micromap, and rays at micro-triangles of that level.
 void addUses(Random &random, Case &c, const std::vector<uint32_t> &numbers, VkIndexType type, uint32_t base,
              uint32_t level = 2)
@@ -434,7 +458,7 @@ Case someMicromapTriangles(Random &random, const DeviceLimits &limits)
     return micromapTriangles(random, limits, above(random, 1u << 10));
 }
 
-constexpr std::array<MakeCase, 21> kKinds{
+constexpr std::array<MakeCase, 22> kKinds{
     [](Random &random, const DeviceLimits &) { return geometries(random, above(random, 1u << 8)); },
     someTriangles,
     someInstances,
@@ -458,6 +482,7 @@ constexpr std::array<MakeCase, 21> kKinds{
     lossyNodes,
     [](Random &random, const DeviceLimits &limits) { return sharedData(random, limits, above(random, 1u << 15)); },
     [](Random &random, const DeviceLimits &limits) { return sharedData(random, limits, above(random, 1u << 10)); },
+    manyRecords,
 };
 
 Outcome scale(Session &session, std::string_view group, uint64_t seed)
@@ -469,7 +494,9 @@ constexpr std::array kScaleGroups{
     Group{"scale",
           "more than 256 and 65,536 geometries, triangles, instances and micromap triangles; indices with the highest "
           "bit set; the highest levels, also lossy, copied and serialized; strides of triangle arrays and data of more "
-          "than 64 KiB; more than 1,024 and 32,768 triangles that are compacted, with equal data far apart",
+          "than 64 KiB; more than 1,024 and 32,768 triangles that are compacted, with equal data far apart; hit tables "
+          "of "
+          "megabytes",
           "maxGeometryCount, maxPrimitiveCount, maxInstanceCount, maxMicromapTriangles; "
           "VkAccelerationStructureTrianglesOpacityMicromapKHR: indexType, baseTriangle; "
           "maxOpacity2StateSubdivisionLevel, maxOpacity4StateSubdivisionLevel and "

@@ -221,7 +221,8 @@ private:
     [[nodiscard]] bool placed(const Hit &hit, const T &at, uint32_t hitKind) const
     {
         if (hit.box)
-            return !(at.t < ray_.generate || at.t > ray_.generate) && hitKind == 0x10 + (hit.primitive & 0xf);
+            return !(at.t < ray_.generate || at.t > ray_.generate) &&
+                   hitKind == hitKindOfBox(hit.primitive, hit.geometry);
         return std::abs(double{at.t} - hit.t) < 1e-3 && hitKind == (hit.frontFace ? kHitKindFront : kHitKindBack);
     }
     template <class T>

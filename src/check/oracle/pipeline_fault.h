@@ -25,6 +25,7 @@ struct TablePlan {
     uint32_t misses = 1;            // miss records
     bool nullMiss = false;          // the miss record of the rays is zero
     RecordData content = RecordData::Word;
+    std::optional<uint32_t> zeroData; // the first word of this hit record's data is 0
     TableLayout layout;
 
     bool operator==(const TablePlan &) const = default;

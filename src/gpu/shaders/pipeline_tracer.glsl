@@ -294,6 +294,12 @@ void main()
 #elif defined(INTERSECTION)
 ATTRIBUTES
 
+// As in gpu/pipeline_tracer.h
+uint hitKindOfBox(Visit v)
+{
+    return 0x10u + 29u * v.primitive + 51u * v.geometry & 0x7fu;
+}
+
 void main()
 {
     const uint id = (gl_LaunchIDEXT.z * gl_LaunchSizeEXT.y + gl_LaunchIDEXT.y) * gl_LaunchSizeEXT.x + gl_LaunchIDEXT.x;
@@ -317,7 +323,7 @@ void main()
     }
     if (count < push.capacity)
         visits[at] = v;
-    if (t > 0.0 && reportIntersectionEXT(t, 0x10u + (v.primitive & 0xfu)) && count < push.capacity)
+    if (t > 0.0 && reportIntersectionEXT(t, hitKindOfBox(v)) && count < push.capacity)
         visits[at].reported = 3u;
 }
 #endif

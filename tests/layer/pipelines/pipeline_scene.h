@@ -231,7 +231,7 @@ private:
         const bool hit = reported && (!isCandidate || rays_[i].rule == kAlways);
         const float u = p.box ? static_cast<float>(aim.target.primitive) + 0.25f : static_cast<float>(aim.target.uv[0]);
         const float v = p.box ? static_cast<float>(aim.target.geometry) + 0.5f : static_cast<float>(aim.target.uv[1]);
-        const uint32_t kind = p.box ? 0x10 + aim.target.primitive : kHitKindFront;
+        const uint32_t kind = p.box ? hitKindOfBox(aim.target.primitive, aim.target.geometry) : kHitKindFront;
         const uint32_t record =
             view.firstData + view.firstRecord + (p.box ? config_.boxRecord : config_.triangleRecord);
         const auto named = [&](const auto &x) {
