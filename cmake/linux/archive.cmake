@@ -4,6 +4,7 @@
 list(APPEND CMAKE_TRY_COMPILE_PLATFORM_VARIABLES VELLUM_SYSROOT VELLUM_PROCESSOR)
 if(VELLUM_PROCESSOR STREQUAL "aarch64")
   include(${CMAKE_CURRENT_LIST_DIR}/../arm64.cmake)
+  list(APPEND CMAKE_CROSSCOMPILING_EMULATOR -E LD_LIBRARY_PATH=${VELLUM_SYSROOT}/loader)
 else()
   set(CMAKE_C_COMPILER gcc)
   set(CMAKE_CXX_COMPILER g++)
@@ -20,7 +21,8 @@ set(libraries ${VELLUM_SYSROOT}/usr/lib/${CMAKE_LIBRARY_ARCHITECTURE})
 foreach(kind EXE SHARED MODULE)
   set(CMAKE_${kind}_LINKER_FLAGS_INIT "-static-libstdc++ -pthread -B${libraries}/ ${libraries}/older_libc.o")
 endforeach()
-# The Vulkan loader in the sysroot needs a newer C library than lies there; programs use the system's loader.
+# The Vulkan loader in the sysroot needs a newer C library than lies there; programs use the system's loader, and in
+# the emulator the older one (scripts/sysroot).
 string(APPEND CMAKE_EXE_LINKER_FLAGS_INIT " -Wl,--allow-shlib-undefined")
 foreach(language C CXX)
   set(CMAKE_${language}_FLAGS_INIT -ffile-prefix-map=${CMAKE_SOURCE_DIR}=.)
