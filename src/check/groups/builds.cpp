@@ -318,8 +318,7 @@ constexpr std::array kBuildsGroups{
           "micromap triangles that equal others or differ from them in one bit, or are of one state except for few "
           "micro-triangles, also compacted",
           "VkMicromapTriangleKHR: each triangle has the data at its dataOffset; "
-          "VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT, "
-          "COMPACT",
+          "VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT, COMPACT",
           200, runGroup<nearlyEqual>, 120},
     Group{"geometry",
           "vertices of all formats, strides, offsets, indices and transforms; geometries without triangles, degenerate "

@@ -495,8 +495,7 @@ constexpr std::array kScaleGroups{
           "more than 256 and 65,536 geometries, triangles, instances and micromap triangles; indices with the highest "
           "bit set; the highest levels, also lossy, copied and serialized; strides of triangle arrays and data of more "
           "than 64 KiB; more than 1,024 and 32,768 triangles that are compacted, with equal data far apart; hit tables "
-          "of "
-          "megabytes",
+          "of megabytes",
           "maxGeometryCount, maxPrimitiveCount, maxInstanceCount, maxMicromapTriangles; "
           "VkAccelerationStructureTrianglesOpacityMicromapKHR: indexType, baseTriangle; "
           "maxOpacity2StateSubdivisionLevel, maxOpacity4StateSubdivisionLevel and "
