@@ -215,7 +215,8 @@ std::span<const uint8_t> handleOf(std::span<const uint8_t> handles, uint32_t gro
 
 } // namespace
 
-BindingTable::BindingTable(Device &gpu, const RayPipeline &pipeline, const BindingRecords &records) : gpu_(gpu)
+BindingTable::BindingTable(Device &gpu, const RayPipeline &pipeline, const BindingRecords &records)
+    : gpu_(gpu), otherStride_(records.layout.otherStride)
 {
     const auto &limits = gpu.pipelineProperties();
     const TableLayout &layout = records.layout;
@@ -359,6 +360,13 @@ void BindingTable::trace(VkCommandBuffer commands) const
             barrier(commands);
     }
     const Regions r = regions();
+    if (otherStride_ && r.hit.deviceAddress != 0) {
+        VkStridedDeviceAddressRegionKHR other = r.hit;
+        other.stride = r.hit.stride == 0 ? r.miss.stride : 2 * r.hit.stride;
+        if (other.stride > gpu_.pipelineProperties().maxShaderGroupStride)
+            other.stride = 0;
+        gpu_.vk().CmdTraceRaysKHR(commands, &r.raygen, &r.miss, &other, &r.callable, 0, 1, 1);
+    }
     if (launch_.command == Launch::Direct)
         gpu_.vk().CmdTraceRaysKHR(commands, &r.raygen, &r.miss, &r.hit, &r.callable, width_, launch_.height,
                                   launch_.depth);

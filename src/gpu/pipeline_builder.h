@@ -129,6 +129,8 @@ struct TableLayout {
     uint32_t missPadding = 0, hitPadding = 0; // after each record, in multiples of shaderGroupHandleAlignment
     bool zeroStride = false;                  // of the hit region, whose first record is that of all hits
     bool cut = false;                         // miss and hit regions end with the data of their last records
+    // Each trace follows one of no rays, whose hit region has the same address and size, and another stride.
+    bool otherStride = false;
     bool operator==(const TableLayout &) const = default;
 };
 
@@ -173,6 +175,7 @@ private:
     Buffer buffer_;
     const Buffer *copy_ = nullptr;
     uint32_t barrier_ = 0;
+    bool otherStride_ = false;
     LaunchPlan launch_;
     uint32_t width_ = 0;
     IndirectCommand command_;

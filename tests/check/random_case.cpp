@@ -104,7 +104,8 @@ Case randomCase(uint32_t seed, uint32_t rays)
                                           .reversed = yes(),
                                           .missPadding = below(random, 3),
                                           .hitPadding = below(random, 3),
-                                          .cut = yes()}};
+                                          .cut = yes(),
+                                          .otherStride = yes()}};
         for (uint32_t i = below(random, 4); i > 0; --i)
             made.records.push_back(static_cast<HitRecord>(below(random, 5)));
         return made;

@@ -618,6 +618,8 @@ void Account::writePipeline(const PipelinePlan &pipeline)
             text += fmt::format(", stride {} handle alignments longer than needed", table.layout.hitPadding);
         if (table.layout.cut)
             text += ", the region ends with the data of the last record";
+        if (table.layout.otherStride)
+            text += ", after a trace of no rays with another stride of the region";
         text += fmt::format("; {} miss record{}{}", table.misses, table.misses == 1 ? "" : "s",
                             table.nullMiss ? ", that of the rays zero" : "");
         line("{}.", text);

@@ -202,6 +202,7 @@ void of(Archive &archive, T &table)
     archive.value("hitPadding", table.layout.hitPadding, 0u);
     archive.value("zeroStride", table.layout.zeroStride, false);
     archive.value("cut", table.layout.cut, false);
+    archive.value("otherStride", table.layout.otherStride, false);
 }
 
 template <class Archive, Is<PipelinePlan> T>

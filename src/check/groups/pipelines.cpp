@@ -271,6 +271,7 @@ Case bindingTables(Random &random, const DeviceLimits &limits)
             pipeline.otherTables.push_back(table);
     }
     c.trace.tablesInPlace = !pipeline.otherTables.empty() && chance(random, 30);
+    pipeline.table.layout.otherStride = chance(random, 30);
     // One record for all hits, which are then all on triangles.
     if (chance(random, 15)) {
         const auto triangles =
@@ -391,7 +392,8 @@ constexpr std::array kPipelinesGroups{
     Group{
         "binding-tables",
         "binding tables with callable records, zero records, with and without data and with data of 0, short and long "
-        "ones, at offsets and with strides, in command buffers that are recorded again; "
+        "ones, at offsets and with strides, also after one with another stride, in command buffers that are recorded "
+        "again; "
         "record offsets of instances beyond 2^8",
         "Shader Binding Table, Indexing Rules; VkStridedDeviceAddressRegionKHR; ShaderRecordBufferKHR; \"A zero shader "
         "group behaves as though it is a shader group consisting entirely of VK_SHADER_UNUSED_KHR\"",
