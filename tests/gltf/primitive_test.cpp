@@ -115,6 +115,9 @@ TEST(GltfPrimitive, EveryTypeOfTextureCoordinates)
     wrong.add<uint32_t>({0, 1, 2, 3, 4, 5}, "\"componentType\": 5125, " + two);
     EXPECT_EQ(wrong.error(), " TEXCOORD_0: accessor 1: 32-bit integers are for indices only");
     wrong = file;
+    wrong.add<int32_t>({0, 1, 2, 3, 4, 5}, "\"componentType\": 5124, " + two); // of micromapIndices only
+    EXPECT_EQ(wrong.error(), " TEXCOORD_0: accessor 1: component type 5124 does not exist in glTF");
+    wrong = file;
     wrong.add<double>({0, 1, 2, 3, 4, 5}, "\"componentType\": 5130, " + two);
     EXPECT_EQ(wrong.error(), " TEXCOORD_0: accessor 1: component type 5130 does not exist in glTF");
 }

@@ -341,7 +341,6 @@ TEST(StoredMicromaps, IndicesAreChecked)
     EXPECT_EQ(sample.finding(),
               where + "micromapIndices: accessor 1: element 1 is -5, neither an index nor a special index");
     sample.componentType = "5126";
-    sample.indices.resize(8);
     EXPECT_EQ(sample.finding(),
               where + "micromapIndices: accessor 1 is not SCALAR of type 5121, 5122, 5123, 5124 or 5125");
     sample = MicromapFile();

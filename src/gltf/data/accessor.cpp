@@ -113,10 +113,11 @@ const gltf_json::Accessor &accessorAt(const gltf_json::Model &model, int index, 
     return model.accessors[static_cast<size_t>(index)];
 }
 
-// glTF 2.0, 3.6.2.2 ("Accessor Data Types").
-size_t componentBytes(int type, const std::string &what)
+// glTF 2.0, 3.6.2.2 ("Accessor Data Types"). isExtended: signed integers of 32 bits, which only
+// EXT_mesh_opacity_micromap has, are a type as well.
+size_t componentBytes(int type, const std::string &what, bool isExtended = false)
 {
-    if (gltf_json::bytesOf(type) == 0)
+    if (gltf_json::bytesOf(type) == 0 || (type == gltf_json::kInt && !isExtended))
         throw GltfError(what + ": component type " + std::to_string(type) + " does not exist in glTF");
     return gltf_json::bytesOf(type);
 }
@@ -146,8 +147,9 @@ Elements elementsIn(std::span<const uint8_t> bytes, size_t offset, size_t count,
 class AccessorReader
 {
 public:
-    // Requires `components` components; 0: any number.
-    AccessorReader(const BufferViews &views, int index, uint32_t components, const std::string &what);
+    // Requires `components` components; 0: any number. isExtended: as of componentBytes.
+    AccessorReader(const BufferViews &views, int index, uint32_t components, const std::string &what,
+                   bool isExtended = false);
 
     [[nodiscard]] size_t count() const { return elements_.count; }
     [[nodiscard]] bool isInteger() const { return source_.componentType != gltf_json::kFloat; }
@@ -157,6 +159,8 @@ public:
     static constexpr uint32_t kAll = 0xffffffff;
     [[nodiscard]] std::vector<float> floats(uint32_t c) const;
     [[nodiscard]] std::vector<uint32_t> indices() const;
+    // readMicromapIndices() for components of type T.
+    template <typename T>
     [[nodiscard]] std::vector<int64_t> micromapIndices() const;
 
 private:
@@ -166,8 +170,6 @@ private:
     std::vector<float> converted(uint32_t c, Value value) const;
     template <typename T>
     std::vector<float> integersConverted(uint32_t c) const;
-    template <typename T>
-    std::vector<int64_t> specialIndices() const;
 
     const gltf_json::Model &model_;
     const gltf_json::Accessor &source_;
@@ -178,14 +180,15 @@ private:
     std::vector<uint8_t> own_; // a sparse accessor's elements, put together
 };
 
-AccessorReader::AccessorReader(const BufferViews &views, int index, uint32_t wanted, const std::string &what)
+AccessorReader::AccessorReader(const BufferViews &views, int index, uint32_t wanted, const std::string &what,
+                               bool isExtended)
     : model_(views.model()), source_(accessorAt(model_, index, what)), what_(what),
       name_(what + ": accessor " + std::to_string(index))
 {
     components_ = source_.components;
     if (wanted != 0 && components_ != wanted)
         throw GltfError(name_ + " has the wrong type");
-    const size_t packed = componentBytes(source_.componentType, name_) * components_;
+    const size_t packed = componentBytes(source_.componentType, name_, isExtended) * components_;
     const auto countRead = [&] { views.countRead(uint64_t{source_.count} * components_, name_); };
     if (source_.bufferView >= 0) {
         const auto bytes = views.bytes(source_.bufferView, what_); // first: then there is such a view
@@ -299,7 +302,7 @@ std::vector<uint32_t> AccessorReader::indices() const
 }
 
 template <typename T>
-std::vector<int64_t> AccessorReader::specialIndices() const
+std::vector<int64_t> AccessorReader::micromapIndices() const
 {
     if (source_.bufferView >= 0) {
         const size_t begin = model_.bufferViews[static_cast<size_t>(source_.bufferView)].byteOffset;
@@ -314,19 +317,6 @@ std::vector<int64_t> AccessorReader::specialIndices() const
         values.push_back(isSpecial ? int64_t{value} - std::numeric_limits<T>::max() - 1 : int64_t{value});
     }
     return values;
-}
-
-std::vector<int64_t> AccessorReader::micromapIndices() const
-{
-    const bool isScalar = components_ == 1 && !source_.normalized;
-    switch (isScalar ? source_.componentType : gltf_json::kFloat) {
-    case gltf_json::kUnsignedByte: return specialIndices<uint8_t>();
-    case gltf_json::kUnsignedShort: return specialIndices<uint16_t>();
-    case gltf_json::kUnsignedInt: return specialIndices<uint32_t>();
-    case gltf_json::kShort: return specialIndices<int16_t>();
-    case gltf_json::kInt: return specialIndices<int32_t>();
-    default: throw GltfError(name_ + " is not SCALAR of type 5121, 5122, 5123, 5124 or 5125");
-    }
 }
 
 } // namespace
@@ -354,7 +344,21 @@ std::vector<uint32_t> readIndices(const BufferViews &views, int accessor, const 
 
 std::vector<int64_t> readMicromapIndices(const BufferViews &views, int accessor, const std::string &what)
 {
-    return AccessorReader(views, accessor, 0, what).micromapIndices();
+    const gltf_json::Accessor &source = accessorAt(views.model(), accessor, what);
+    const auto read = [&]<typename T>(T) {
+        return AccessorReader(views, accessor, 1, what, true).micromapIndices<T>();
+    };
+    const bool isScalar = source.components == 1 && !source.normalized;
+    switch (isScalar ? source.componentType : gltf_json::kFloat) {
+    case gltf_json::kUnsignedByte: return read(uint8_t{});
+    case gltf_json::kUnsignedShort: return read(uint16_t{});
+    case gltf_json::kUnsignedInt: return read(uint32_t{});
+    case gltf_json::kShort: return read(int16_t{});
+    case gltf_json::kInt: return read(int32_t{});
+    default:
+        throw GltfError(what + ": accessor " + std::to_string(accessor) +
+                        " is not SCALAR of type 5121, 5122, 5123, 5124 or 5125");
+    }
 }
 
 size_t countElements(const BufferViews &views, int accessor, const std::string &what)
