@@ -634,17 +634,27 @@ std::string filledPage(std::string_view page, const std::map<std::string_view, s
 std::string makePage(const Document &document, const InspectedFile &file, const PageLimits &limits)
 {
     const PageData data = makePageData(file, limits);
-    std::string script = "<script>\n\"use strict\";\n(() => {\n";
+    std::string script;
     for (const std::string_view part : {kPage_elements_js, kPage_data_js, kPage_index_js, kPage_raster_js,
                                         kPage_viewer_js, kPage_charts_js, kPage_details_js, kPage_main_js})
         script.append(part);
     return filledPage(kPage_page_html, {{"title", markupText(file.name)},
-                                        {"style", "<style>\n" + std::string(kPage_style_css) + "</style>"},
+                                        {"style", styleElement(kPage_style_css)},
                                         {"facts", "<script type=\"application/json\" id=\"facts\">" +
                                                       pageFacts(document, file, data, limits) + "</script>"},
                                         {"numbers", "<script type=\"text/plain\" id=\"numbers\">" +
                                                         base64Encoded(deflated(data.bytes())) + "</script>"},
-                                        {"script", script + "})();\n</script>"}});
+                                        {"script", scriptElement(script)}});
+}
+
+std::string styleElement(std::string_view css)
+{
+    return "<style>\n" + std::string(css) + "</style>";
+}
+
+std::string scriptElement(std::string_view script)
+{
+    return "<script>\n\"use strict\";\n(() => {\n" + std::string(script) + "})();\n</script>";
 }
 
 std::string plainPage(const std::string &title, const std::string &body)

@@ -60,6 +60,9 @@ std::string makePage(const Document &document, const InspectedFile &file, const 
 
 // The text of a page with a part in place of each comment <!--@NAME-->.
 std::string filledPage(std::string_view page, const std::map<std::string_view, std::string> &parts);
+// Elements for such parts: a style sheet, and a script whose names are its own.
+std::string styleElement(std::string_view css);
+std::string scriptElement(std::string_view script);
 
 // A page without scripts: a heading, and a body that is HTML already. Tables, .chosen rows and .muted paragraphs have a
 // style; so have <b class="bar"><i style="width: 40%"></i></b>.

@@ -214,11 +214,10 @@ std::string benchJson(const std::vector<PartResult> &results, const std::vector<
 
 std::string benchPage(const std::string &json)
 {
-    return inspect::filledPage(
-        kPage_bench_html,
-        {{"style", "<style>\n" + std::string(kPage_bench_css) + "</style>"},
-         {"data", "<script type=\"application/json\" id=\"report\">" + json + "</script>"},
-         {"script", "<script>\n\"use strict\";\n(() => {\n" + std::string(kPage_bench_js) + "})();\n</script>"}});
+    return inspect::filledPage(kPage_bench_html,
+                               {{"style", inspect::styleElement(kPage_bench_css)},
+                                {"data", "<script type=\"application/json\" id=\"report\">" + json + "</script>"},
+                                {"script", inspect::scriptElement(kPage_bench_js)}});
 }
 
 } // namespace vellum::cli
