@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Random states for micromaps, the same in every run.
+// Random states for micromaps, the same in every run, and the memory of compacted micromaps.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
+#include "core/micromap_memory.h"
 #include "gpu/scene.h"
 #include "harness/harness.h"
 
@@ -40,6 +41,15 @@ inline std::vector<uint8_t> randomStates(Random &random, uint32_t level, uint16_
             states[i++] = state;
     }
     return states;
+}
+
+// The compacted copy of the emulation's micromap at `memory`, as the host makes it.
+inline std::vector<uint8_t> compactedMemory(const uint8_t *memory)
+{
+    const vellum::CompactedMicromap copy(memory);
+    std::vector<uint8_t> bytes(copy.bytes());
+    copy.write(bytes.data());
+    return bytes;
 }
 
 } // namespace vt

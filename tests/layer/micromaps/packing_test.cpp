@@ -30,9 +30,7 @@ protected:
         std::memset(arena_.bytes(), kGuard, kArenaBytes);
         source_.build();
         used_ = vellum::micromapMemoryInUse(source_.memory());
-        const vellum::CompactedMicromap compacted(source_.memory());
-        compacted_.resize(compacted.bytes());
-        compacted.write(compacted_.data());
+        compacted_ = compactedMemory(source_.memory());
     }
     ~Packing() override
     {
