@@ -272,16 +272,17 @@ Case sharedData(Random &random, const DeviceLimits &limits, uint32_t count)
     const bool fine = chance(random, 50);
     std::vector<uint32_t> earlier; // of `numbers`; some of the others have the data of one of these, of any block
     for (uint32_t number = 0; number < count; ++number) {
-        if (numbers.contains(number) && earlier.size() > 1 && chance(random, 40))
-            micromap.triangles[number] =
-                micromap.triangles[earlier[below(random, static_cast<uint32_t>(earlier.size()))]];
-        else if (numbers.contains(number))
-            micromap.triangles[number] =
-                oracle::mixedTriangle(random, kRequiredLevel, chance(random, 50) ? kTwoState : kFourState);
-        else if (fine)
-            micromap.triangles[number] = plain;
-        if (numbers.contains(number))
-            earlier.push_back(number);
+        oracle::MicromapTriangle &triangle = micromap.triangles[number];
+        if (!numbers.contains(number)) {
+            if (fine)
+                triangle = plain;
+            continue;
+        }
+        if (earlier.size() > 1 && chance(random, 40))
+            triangle = micromap.triangles[earlier[below(random, static_cast<uint32_t>(earlier.size()))]];
+        else
+            triangle = oracle::mixedTriangle(random, kRequiredLevel, chance(random, 50) ? kTwoState : kFourState);
+        earlier.push_back(number);
     }
     for (size_t first = 0; first < all.size(); first += kGrid)
         addUses(random, c,
