@@ -83,6 +83,8 @@ struct RunReport {
     [[nodiscard]] std::string failure() const;
     // Ids of --ignore that no message had.
     [[nodiscard]] std::vector<std::string> staleIgnores() const;
+    // "no such message", with the id that was meant, if the run has it.
+    [[nodiscard]] std::string whyStale(const std::string &id) const;
 };
 
 // All parts of validation, as the layer writes them.
@@ -204,8 +206,8 @@ std::string MessageSummary::whyUnchecked() const
     if (checked != 0)
         return "";
     if (instances == 0 && devices == 0)
-        return "no Vulkan instance was created with the layer: no process of the program used Vulkan with the "
-               "environment of vellum run";
+        return "no Vulkan instance was created with the layer: the program did not use Vulkan, found no driver (vellum "
+               "info), or the variables of vellum run did not reach it or the loader (VK_LOADER_LAYERS_DISABLE)";
     if (devices == 0 && plainDevices == 0)
         return "no Vulkan device was created";
     if (devices == 0 && !driversOwn)
@@ -261,6 +263,17 @@ std::vector<std::string> RunReport::staleIgnores() const
     return stale;
 }
 
+std::string RunReport::whyStale(const std::string &id) const
+{
+    std::vector<std::string> ids;
+    for (const MessageSummary::Kind &kind : messages.kinds) {
+        if (kind.id == "VELLUM-" + id || id == "VELLUM-" + kind.id)
+            return "no such message; did you mean " + kind.id + "?";
+        ids.push_back(kind.id);
+    }
+    return "no such message" + suggestion(id, ids);
+}
+
 // Prints to stderr.
 void print(const RunReport &report)
 {
@@ -279,7 +292,7 @@ void print(const RunReport &report)
     for (const MessageSummary::Kind &kind : messages.kinds)
         text += fmt::format("  {:<7} {}{}: {}\n", nameOf(kind.severity), kind.id, remarksOn(kind), kind.text);
     for (const std::string &id : report.staleIgnores())
-        text += fmt::format("vellum run: --ignore {}: no such message\n", id);
+        text += fmt::format("vellum run: --ignore {}: {}\n", id, report.whyStale(id));
     std::fputs(text.c_str(), stderr); // fmt::print() throws where nothing can be written
 }
 
@@ -313,7 +326,7 @@ std::string junitXml(const RunReport &report)
                 (kind.ignored ? "ignored: " : "") + kind.text +
                     (kind.count == 1 ? "" : fmt::format(" ({} times)", kind.count)));
         for (const std::string &id : report.staleIgnores())
-            add("--ignore " + id, false, "no such message");
+            add("--ignore " + id, false, report.whyStale(id));
     }
     return fmt::format("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites name=\"vellum run\">\n"
                        "  <testsuite name=\"{}\" tests=\"{}\" failures=\"{}\" time=\"{:.3f}\">\n{}  </testsuite>\n"
@@ -426,7 +439,9 @@ std::vector<std::string> misspeltVariables()
     return problems;
 }
 
+constexpr const char *kFailOn = "VELLUM_FAIL_ON";
 constexpr const char *kRequireChecks = "VELLUM_REQUIRE_CHECKS";
+const std::vector<std::string> kSeverities = {"error", "warning", "never"}; // of --fail-on
 
 constexpr const char *kRunDetails = R"(
 Runs a program with the layer on, in it and in the processes that it starts, and prints how many errors and warnings the
@@ -462,7 +477,7 @@ Environment:
 
 struct RunOptions {
     std::vector<std::string> program;
-    std::string failOn;
+    std::string failOn; // empty: not given
     bool requireChecks = false;
     std::vector<std::string> ignored; // ids of messages
     std::optional<double> timeout;    // seconds
@@ -585,6 +600,13 @@ std::string problemOfVariables(RunReport &report)
     if (!isRequired)
         return std::string(kRequireChecks) + " is \"" + required + "\" and must be " + layer::kBooleanWords;
     report.requireChecks |= *isRequired;
+    if (report.failOn.empty())
+        report.failOn = variable(kFailOn).value_or("");
+    if (report.failOn.empty())
+        report.failOn = kSeverities.front();
+    if (std::ranges::find(kSeverities, report.failOn) == kSeverities.end())
+        return fmt::format("{} is \"{}\" and must be error, warning or never{}", kFailOn, report.failOn,
+                           suggestion(report.failOn, kSeverities));
     return {};
 }
 
@@ -648,12 +670,11 @@ std::function<int()> declareRunCommand(CLI::App &app, const std::vector<std::str
         ->type_name("-- PROGRAM [ARGUMENT]...")
         ->group(kInput)
         ->required();
-    options->failOn = "error";
     CLI::Option &failOn = *command.add_option(
         "--fail-on", options->failOn,
         "Least severity of messages that fail a program that succeeds [VELLUM_FAIL_ON, or else error]");
-    takesWords(failOn, {"error", "warning", "never"});
-    failOn.envname("VELLUM_FAIL_ON")->group(kOutput);
+    takesWords(failOn, kSeverities);
+    failOn.group(kOutput);
     command
         .add_flag("--require-checks", options->requireChecks,
                   "Fail if nothing was checked: the program built nothing on a device with micromaps and validation")

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <fmt/format.h>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -207,7 +208,10 @@ void printHints(const verify::FileReport &report)
         fmt::print(
             "  hint: alphaMode BLEND is known where alpha is 0 or 1 only; micromaps that were baked for a cutoff "
             "are verified with the same --blend-cutoff\n");
-    if (report.counts().of(verify::Kind::OutsideMargins) > 0)
+    const verify::Counts sum = report.counts();
+    if (!blend && sum.of(verify::Kind::Wrong) > 0)
+        fmt::print("  hint: the texture, its coordinates or alphaCutoff are not those of the bake; bake again\n");
+    if (sum.of(verify::Kind::Wrong) == 0 && sum.of(verify::Kind::OutsideMargins) > 0)
         fmt::print(
             "  hint: micromaps that were baked with other tolerances are verified with the same options, such as "
             "--exact\n");
@@ -336,6 +340,42 @@ void printVerified(const VerifiedFile &file, bool verbose)
         fmt::print("  undecided: {} claims that are too close to call, or take too long\n", grouped(sum.open));
 }
 
+// Why the code of a file that was verified is not Success, in a few words.
+std::string reasonOf(const VerifiedFile &file)
+{
+    const verify::Counts sum = file.report.counts();
+    switch (file.code) {
+    case ExitCode::InvalidMicromaps: return "invalid micromaps";
+    case ExitCode::WrongClaims: return counted(sum.of(verify::Kind::Wrong), "wrong claim");
+    case ExitCode::NoMicromaps: return "no micromaps";
+    case ExitCode::UncertainClaims: return "claims outside the margins, undecided ones or a caution";
+    case ExitCode::NeedlesslyUnknown:
+        return counted(sum.of(verify::Kind::Needless), "needlessly unknown micro-triangle");
+    default: return "not verified: " + file.report.unverified.front().reason;
+    }
+}
+
+// "50 files: 48 fine, 1 with wrong claims, 1 without micromaps; exit status 4". `others`: how many have another code
+// than Success.
+std::string summaryOf(size_t files, const std::map<ExitCode, size_t> &others, ExitCode code)
+{
+    static const std::map<ExitCode, const char *> kKinds = {
+        {ExitCode::Failed, "not verified"},
+        {ExitCode::InvalidMicromaps, "with invalid micromaps"},
+        {ExitCode::WrongClaims, "with wrong claims"},
+        {ExitCode::UncertainClaims, "with uncertain claims"},
+        {ExitCode::NeedlesslyUnknown, "with needlessly unknown states"},
+        {ExitCode::NoMicromaps, "without micromaps"}};
+    size_t fine = files;
+    std::string text;
+    for (const auto &[other, count] : others) {
+        fine -= count;
+        text += fmt::format(", {} {}", count, kKinds.at(other));
+    }
+    text = fmt::format("{}: {} fine{}", counted(files, "file"), fine, text);
+    return text + (code == ExitCode::Success ? "" : fmt::format("; exit status {}", static_cast<int>(code)));
+}
+
 std::string verifiedJson(const std::vector<VerifiedFile> &files)
 {
     JsonWriter json;
@@ -387,7 +427,7 @@ void declareVerify(CLI::App &command, VerifyOptions &options)
                         {&tolerances.value, &tolerances.subtexel, &tolerances.barycentric, &tolerances.interpolation},
                         1024);
     command.option_defaults()->group(kGeneral);
-    command.add_flag("-q,--quiet", options.quiet, "Print errors only");
+    command.add_flag("-q,--quiet", options.quiet, "Print only what is wrong, on stderr");
     addThreadsOption(command, options.file.threads);
 }
 
@@ -422,12 +462,19 @@ int verifyCommand(VerifyOptions &options)
         discardReports();
     std::vector<VerifiedFile> files;
     auto code = ExitCode::Success;
+    size_t count = 0;
+    std::map<ExitCode, size_t> others; // the number of files with each code but Success
     for (const std::filesystem::path &path : gltfFiles(options.files)) {
         VerifiedFile file = verifyFile(path, options);
         file.code = exitCodeOf(file, options.strict, options.requireMicromaps);
         code = worse(code, file.code);
+        ++count;
+        if (file.code != ExitCode::Success)
+            ++others[file.code];
         if (!file.error.empty())
             std::fprintf(stderr, "vellum: %s\n", file.error.c_str());
+        else if (options.quiet && file.code != ExitCode::Success)
+            std::fprintf(stderr, "vellum: %s: %s\n", file.path.c_str(), reasonOf(file).c_str());
         if (options.json) {
             files.push_back(std::move(file));
         } else {
@@ -437,6 +484,8 @@ int verifyCommand(VerifyOptions &options)
     }
     if (options.json)
         fmt::print("{}\n", verifiedJson(files));
+    else if (count > 1)
+        fmt::print("{}\n", summaryOf(count, others, code));
     return static_cast<int>(code);
 }
 

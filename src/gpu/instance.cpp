@@ -92,7 +92,7 @@ const char *causeOf(VkResult result)
     case VK_ERROR_OUT_OF_DEVICE_MEMORY: return "out of device memory";
     case VK_ERROR_DEVICE_LOST: return "the device was lost";
     case VK_ERROR_INITIALIZATION_FAILED: return "initialization failed";
-    case VK_ERROR_INCOMPATIBLE_DRIVER: return "no Vulkan driver";
+    case VK_ERROR_INCOMPATIBLE_DRIVER: return "no Vulkan driver; vellum info says why";
     case VK_ERROR_LAYER_NOT_PRESENT: return "a layer is missing";
     case VK_ERROR_EXTENSION_NOT_PRESENT: return "an extension is missing";
     case VK_ERROR_FEATURE_NOT_PRESENT: return "a feature is missing";

@@ -157,9 +157,10 @@ std::string pageOf(const Comparison &comparison)
                    : std::string();
     };
     const auto table = [&](const char *kind, const std::vector<ComparedPart> &parts) {
-        std::string html = fmt::format("<table>\n<tr><th>{}<th colspan=\"2\">{}<th colspan=\"2\">{}<th colspan=\"2\">{}"
-                                       "</tr>\n<tr><th>",
-                                       kind, kHeads[0], kHeads[2], kHeads[4]);
+        std::string html = fmt::format(
+            "<div class=\"scroll\"><table>\n<tr><th>{}<th colspan=\"2\">{}<th colspan=\"2\">{}<th colspan=\"2\">{}"
+            "</tr>\n<tr><th>",
+            kind, kHeads[0], kHeads[2], kHeads[4]);
         for (size_t i = 0; i < 6; ++i)
             html += i % 2 == 0 ? "<th>first" : "<th>second";
         html += "</tr>\n";
@@ -170,7 +171,7 @@ std::string pageOf(const Comparison &comparison)
                 html += "<td>" + cells[i] + (i < 2 ? bar(part.bakes[i]) : "");
             html += "</tr>\n";
         }
-        return html + "</table>\n";
+        return html + "</table></div>\n";
     };
     const std::string body =
         fmt::format("<p>First: {}<br>Second: {}</p>\n", markupText(comparison.files[0]),

@@ -347,10 +347,8 @@ private:
         const auto number = static_cast<size_t>(record);
         const MicromapTriangle &triangle = file_.records[number].triangle;
         ++tally_.levels[triangle.subdivisionLevel][triangle.format == Format::TwoState ? 0 : 1];
-        if (!used_.insert(number).second) {
-            ++tally_.sharing;
+        if (!used_.insert(number).second)
             return;
-        }
         ++tally_.recordsUsed;
         tally_.dataBytes += dataBytes(file_, record);
     }

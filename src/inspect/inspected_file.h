@@ -140,7 +140,6 @@ private:
 // The contents of an inspected file, in numbers.
 struct Tally {
     uint64_t triangles = 0;
-    uint64_t sharing = 0; // triangles whose micromap triangle an earlier one refers to as well
     std::array<std::array<uint64_t, 2>, 13> levels{}; // triangles by level; of 2-state, of 4-state data
     std::array<uint64_t, 4> special{};                // triangles by the State of their special index
     std::array<double, 4> states{};                   // share of all triangles' area by State, in sum 1

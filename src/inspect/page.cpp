@@ -471,7 +471,7 @@ constexpr std::string_view kMark = "<!--@"; // where a part of a page belongs
 
 void writeTally(const Tally &tally, JsonWriter &json)
 {
-    json.key("tally").beginObject().member("triangles", tally.triangles).member("sharing", tally.sharing);
+    json.key("tally").beginObject().member("triangles", tally.triangles);
     json.list("levels", tally.levels,
               [&](const auto &level) { json.beginArray().value(level[0]).value(level[1]).end(); });
     json.values("special", tally.special).values("states", tally.states).values("uvArea", tally.uvArea);

@@ -137,6 +137,7 @@ void DoneFiles::add(const std::filesystem::path &log)
             const JsonReader json(line);
             State state{.time = json.text("time"),
                         .options = json.textOr("options"),
+                        .bytes = json.number("bytes"),
                         .done = json.text("status") != kFailed,
                         .written = {}};
             json.forEach("files", [&](const rapidjson::Value &file) {
@@ -170,24 +171,27 @@ bool DoneFiles::names(const std::filesystem::path &input, const std::filesystem:
     return find(input, output) != nullptr;
 }
 
-bool DoneFiles::isDone(const State &state)
+bool DoneFiles::isDone(const std::filesystem::path &input, const State &state)
 {
-    return state.done && std::all_of(state.written.begin(), state.written.end(), [](const auto &file) {
-               std::error_code error;
-               return std::filesystem::file_size(file.first, error) == file.second && !error;
-           });
+    const auto hasSize = [](const std::filesystem::path &file, uint64_t bytes) {
+        std::error_code error;
+        return std::filesystem::file_size(file, error) == bytes && !error;
+    };
+    return state.done && hasSize(input, state.bytes) &&
+           std::all_of(state.written.begin(), state.written.end(),
+                       [&](const auto &file) { return hasSize(file.first, file.second); });
 }
 
 bool DoneFiles::contains(const std::filesystem::path &input, const std::filesystem::path &output) const
 {
     const State *const state = find(input, output);
-    return state != nullptr && state->options == options_ && isDone(*state);
+    return state != nullptr && state->options == options_ && isDone(input, *state);
 }
 
 bool DoneFiles::hasOtherOptions(const std::filesystem::path &input, const std::filesystem::path &output) const
 {
     const State *const state = find(input, output);
-    return state != nullptr && state->options != options_ && isDone(*state);
+    return state != nullptr && state->options != options_ && isDone(input, *state);
 }
 
 } // namespace vellum::job

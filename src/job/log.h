@@ -47,8 +47,8 @@ private:
     AppendedFile file_;
 };
 
-// What logs have as done: the newest line of an input and output is not a failure and has the same options, and all
-// that was written is there still, with its size.
+// What logs have as done: the newest line of an input and output is not a failure and has the same options, and the
+// input has the size that it had then, and all that was written is there still, with its size.
 class DoneFiles
 {
 public:
@@ -68,6 +68,7 @@ private:
     struct State {
         std::string time;
         std::string options;
+        uint64_t bytes = 0; // of the input
         bool done = false;
         std::vector<std::pair<std::filesystem::path, uint64_t>> written;
     };
@@ -78,7 +79,7 @@ private:
     };
 
     [[nodiscard]] const State *find(const std::filesystem::path &input, const std::filesystem::path &output) const;
-    static bool isDone(const State &state);
+    static bool isDone(const std::filesystem::path &input, const State &state);
 
     std::string options_;
     std::map<Names, State, NamesOrder> files_;

@@ -766,6 +766,18 @@ TEST(BakeCommand, AFolderNeedsAFolder)
     writeFile(folder / "a.glb", cardGlb());
     EXPECT_EQ(runVellum({"bake", name}).errors,
               "vellum: " + name + " is a folder, which needs an output folder: -o FOLDER\n");
+    // Not a folder whose name is that of a file, and no file whose name is that of a folder.
+    const std::string file = (folder / "new.glb").string();
+    EXPECT_EQ(runVellum({"bake", name, "-o", file}).errors,
+              "vellum: " + file + " is the name of a file, and several inputs need an output folder\n");
+    const std::string bare = (folder / "new").string();
+    EXPECT_EQ(runVellum({"bake", (folder / "a.glb").string(), "-o", bare}).errors,
+              "vellum: " + bare + " is no folder: the name of a file ends in .glb, that of a new folder in /\n");
+    EXPECT_EQ(runVellum({"bake", name, "-o", name}).errors,
+              "vellum: " + name + " is also the output folder, and no input is written: name another\n");
+    EXPECT_EQ(entries(folder.path()), (std::vector<std::string>{"a.glb"}));
+    EXPECT_EQ(runVellum({"bake", (folder / "a.glb").string(), "-o", bare + "/"}).exitCode, 0);
+    EXPECT_EQ(bakedPrimitives(folder / "new/a.glb"), 1u);
 }
 
 // Not so that the outputs are there and the build fails.

@@ -310,6 +310,11 @@ TEST(BakeJob, LogsAndResumes)
     asJson.insert(asJson.end(), {"--json", "--shard", "1/1"});
     const Outcome reported = runVellum(asJson);
     EXPECT_EQ(JsonTree(reported.output).root()["done"].integer(), 4) << reported.output;
+    // An input of another size is another one.
+    writeFile(folder / "in/a.glb", cardGlb({{"\"leaf\"", "\"leaves of another name\""}}));
+    const Outcome changed = runVellum(bake);
+    EXPECT_EQ(changed.exitCode, 0) << changed.errors;
+    EXPECT_NE(changed.output.find("3 files were done before\n"), std::string::npos) << changed.output;
     // The next line does not go on in one that is cut off.
     fs::remove(folder / "out/d.glb");
     EXPECT_EQ(runVellum(bake).exitCode, 0);

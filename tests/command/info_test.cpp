@@ -72,6 +72,8 @@ TEST_F(Info, DriversThatCannotWork)
 {
     EXPECT_EQ(problem(runVellum({"info"}, {{"VK_DRIVER_FILES", in("none.json")}})),
               "vellum: the driver's manifest " + in("none.json") + ": it does not exist\n");
+    EXPECT_EQ(problem(runVellum({"info"}, {{"VK_DRIVER_FILES", ""}})),
+              "vellum: VK_DRIVER_FILES is set, so that the loader looks nowhere else, and names no driver\n");
     write("text.json", "hello");
     EXPECT_TRUE(has(problem(runVellum({"info"}, {{"VK_DRIVER_FILES", in("text.json")}})), "it is not a manifest"));
     write("icd.json", R"({"file_format_version": "1.0.0",

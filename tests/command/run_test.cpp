@@ -51,8 +51,8 @@ constexpr const char *kNothingBuilt =
     "vellum run: nothing was checked: no micromap or acceleration structure was built on a device with validation\n";
 constexpr const char *kNotValidated = "vellum run: not validated: add --validate\n";
 constexpr const char *kNoInstance =
-    "no Vulkan instance was created with the layer: no process of the program used Vulkan with the environment of "
-    "vellum run";
+    "no Vulkan instance was created with the layer: the program did not use Vulkan, found no driver (vellum info), or "
+    "the variables of vellum run did not reach it or the loader (VK_LOADER_LAYERS_DISABLE)";
 
 void expectLine(const Outcome &outcome, const std::string &line)
 {
@@ -276,6 +276,11 @@ TEST(Run, IgnoredMessages)
     EXPECT_EQ(stale.exitCode, kMessagesFailed) << "an id is a whole one";
     expectLine(stale, "vellum run: --ignore VELLUM-b: no such message\n");
     expectLine(stale, "vellum run: --ignore VELLUM: no such message\n");
+    // As the specification and other layers name a rule.
+    const Outcome unprefixed =
+        runScript({"--ignore", "VUID-a-00001"}, "echo error VELLUM-VUID-a-00001: what >> $VELLUM_REPORT_FILE;");
+    EXPECT_EQ(unprefixed.exitCode, kMessagesFailed);
+    expectLine(unprefixed, "vellum run: --ignore VUID-a-00001: no such message; did you mean VELLUM-VUID-a-00001?\n");
     EXPECT_EQ(stale.errors.find("ignored"), std::string::npos) << stale.errors;
 }
 
@@ -516,7 +521,15 @@ TEST(Run, WrongCommandLines)
         EXPECT_NE(outcome.exitCode, 0);
         EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
     }
-    EXPECT_NE(runScript({}, "true", {{"VELLUM_FAIL_ON", "errors"}}).exitCode, 0);
+    // No report of an earlier run stays.
+    const TemporaryFolder folder;
+    const std::string junit = (folder / "run.xml").string();
+    EXPECT_EQ(runScript({"--junit", junit}, "true").exitCode, 0);
+    EXPECT_EQ(runScript({"--junit", junit}, "true", {{"VELLUM_FAIL_ON", "errors"}}).exitCode, 2);
+    const Bytes bytes = readFile(junit);
+    const std::string written(bytes.begin(), bytes.end());
+    EXPECT_TRUE(has(written, "VELLUM_FAIL_ON is &quot;errors&quot; and must be error, warning or never; did you mean"))
+        << written;
     // Its value is not the argument that is too many.
     for (const std::vector<std::string> &arguments :
          {std::vector<std::string>{"run", "--frobnicate", "5", "--", "true"},

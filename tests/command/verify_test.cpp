@@ -138,6 +138,27 @@ TEST_F(VerifyCommand, RequiresMicromapsOnRequest)
     EXPECT_EQ(verify(card, {"--require-micromaps"}).exitCode, 4);
 }
 
+TEST_F(VerifyCommand, SeveralFilesEndWithTheirSum)
+{
+    writeFile(folder / "fine.glb", card.bytes());
+    CardFile plain = card;
+    plain.extension = false;
+    writeFile(folder / "plain.glb", plain.bytes());
+    CardFile wrong = card;
+    change(wrong, State::Opaque, State::Transparent);
+    writeFile(folder / "wrong.glb", wrong.bytes());
+    const Outcome outcome = runVellum({"verify", "--require-micromaps", folder.path().string()});
+    EXPECT_EQ(outcome.exitCode, 4);
+    EXPECT_TRUE(
+        outcome.output.ends_with("\n3 files: 1 fine, 1 with wrong claims, 1 without micromaps; exit status 4\n"))
+        << outcome.output;
+    const Outcome quiet = runVellum({"verify", "--require-micromaps", "-q", folder.path().string()});
+    EXPECT_EQ(quiet.output, "");
+    EXPECT_EQ(quiet.errors, "vellum: " + (folder / "plain.glb").string() +
+                                ": no micromaps\nvellum: " + (folder / "wrong.glb").string() + ": 1 wrong claim\n");
+    EXPECT_FALSE(has(runVellum({"verify", (folder / "fine.glb").string()}).output, "1 file")) << "of one file";
+}
+
 TEST_F(VerifyCommand, ReportsABrokenStructure)
 {
     card.usageCounts = "[9]";

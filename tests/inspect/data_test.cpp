@@ -37,7 +37,6 @@ TEST(InspectTally, CountsStatesLevelsAndBytes)
     EXPECT_EQ(tally.levels[3][0], 2u);
     EXPECT_EQ(tally.special, (std::array<uint64_t, 4>{0, 1, 1, 0}));
     EXPECT_EQ(tally.recordsUsed, 2u);
-    EXPECT_EQ(tally.sharing, 1u);
     EXPECT_EQ(tally.dataBytes, 4u + 8u);
     EXPECT_EQ(tally.indexBytes, 10u);
     EXPECT_DOUBLE_EQ(tally.states[1], (0.25 + 0.5 + 0.5 + 1) / 5);

@@ -300,11 +300,20 @@ BakePlan planBake(const BakeCommandOptions &options)
         options.output && (several || !options.output->has_filename() || fs::is_directory(*options.output, ignored));
     if (toFolder && fs::exists(*options.output, ignored) && !fs::is_directory(*options.output, ignored))
         throw UsageError(utf8Text(*options.output) + " is a file, and several inputs need an output folder");
+    if (several && options.output && !fs::exists(*options.output, ignored) &&
+        (suffixOf(*options.output) == ".glb" || suffixOf(*options.output) == ".gltf"))
+        throw UsageError(utf8Text(*options.output) +
+                         " is the name of a file, and several inputs need an output folder");
     const fs::path output = toFolder ? fs::weakly_canonical(*options.output, ignored) : fs::path();
     if (toFolder && !options.inputs.empty() && isStandardStream(options.inputs.front()))
         throw UsageError("stdin needs an output file, not a folder");
-    if (options.output && !toFolder)
-        checkSuffix(*options.output, {".glb", ".gltf", suffixOf(options.inputs.front())});
+    if (options.output && !toFolder) {
+        const std::string suffix = suffixOf(options.inputs.front());
+        checkSuffix(*options.output, {".glb", ".gltf", suffix});
+        if (!suffix.empty() && !isStandardStream(*options.output) && suffixOf(*options.output).empty())
+            throw UsageError(utf8Text(*options.output) + " is no folder: the name of a file ends in " + suffix +
+                             ", that of a new folder in /");
+    }
     if (options.operandOutput && !toFolder && !options.force)
         checkOperands(options.inputs.front(), *options.output);
     std::vector<BakeJob> jobs;
@@ -312,9 +321,11 @@ BakePlan planBake(const BakeCommandOptions &options)
         jobs = listedJobs(options);
     for (const fs::path &input : options.inputs) {
         if (fs::is_directory(input, ignored)) {
-            // Outputs below the folder are not baked again. A folder that is its own output fails file by file.
+            // Outputs below the folder are not baked again.
             const fs::path folder = fs::weakly_canonical(input, ignored);
-            const bool within = output != folder && isInside(output, folder);
+            if (output == folder)
+                throw UsageError(utf8Text(input) + " is also the output folder, and no input is written: name another");
+            const bool within = isInside(output, folder);
             for (const fs::path &file : gltfFilesIn(input, within ? output : fs::path()))
                 jobs.push_back({.input = file, .output = *options.output / file.lexically_relative(input)});
         } else {

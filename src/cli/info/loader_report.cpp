@@ -199,8 +199,15 @@ void explainLayer(LoaderReport &report, const std::filesystem::path &folder)
 
 void explainNoDevice(LoaderReport &report)
 {
-    if (report.drivers.empty())
-        report.problems.push_back("no Vulkan driver is installed: there is no manifest of one where the loader looks");
+    if (report.drivers.empty()) {
+        const char *const name = variable("VK_DRIVER_FILES")    ? "VK_DRIVER_FILES"
+                                 : variable("VK_ICD_FILENAMES") ? "VK_ICD_FILENAMES"
+                                                                : nullptr;
+        report.problems.push_back(name ? std::string(name) +
+                                             " is set, so that the loader looks nowhere else, and names no driver"
+                                       : "no Vulkan driver is installed: there is no manifest of one where the loader "
+                                         "looks");
+    }
     const bool any =
         std::any_of(report.drivers.begin(), report.drivers.end(), [](const Manifest &m) { return m.problem.empty(); });
     if (any)

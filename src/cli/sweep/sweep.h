@@ -46,7 +46,8 @@ inline constexpr const char *kShaderCallsText =
     "They are where the state is unknown and where there is no micromap; without micromaps it is all of them.";
 
 inline constexpr const char *kBytesText =
-    "Bytes: those of micromaps, without the indices of triangles, 1 to 4 bytes each.";
+    "Bytes: those of micromaps, without the indices of triangles, 1 to 4 bytes each. 9 are an empty micromap: every "
+    "triangle is wholly opaque, transparent or unknown.";
 
 inline constexpr const char *kApproximateText =
     "Approximate: 2 states leave nothing unknown, so no hit runs the alpha test. What 4 states at the same level leave "

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <fmt/format.h>
 #include <map>
@@ -160,7 +161,7 @@ std::vector<std::array<std::string, 6>> tableOf(const Sweep &sweep)
             {row.options(), row.tooLarge ? "too large" : grouped(row.bytes), percent(row.proven),
              row.setting.format == Format::TwoState ? percent(row.approximate()) : "-",
              row.bytesPerPercent ? grouped(static_cast<uint64_t>(std::max(0.0, *row.bytesPerPercent))) : "-",
-             fmt::format("{:.0f}", row.shaderCalls())});
+             grouped(static_cast<uint64_t>(std::lround(row.shaderCalls())))});
     return table;
 }
 

@@ -165,7 +165,7 @@ void Chart::drawRecommendation()
 
 std::string htmlTableOf(const Sweep &sweep)
 {
-    std::string html = "<table>\n";
+    std::string html = "<div class=\"scroll\"><table>\n";
     size_t row = 0; // 0 is the head
     for (const auto &cells : tableOf(sweep)) {
         const bool chosen = sweep.recommendation && sweep.recommendation->row + 1 == row;
@@ -175,7 +175,7 @@ std::string htmlTableOf(const Sweep &sweep)
         html += "</tr>\n";
         ++row;
     }
-    return html + "</table>\n";
+    return html + "</table></div>\n";
 }
 
 } // namespace
@@ -196,7 +196,7 @@ std::string sweepPage(const Sweep &sweep)
     if (sweep.recommendation)
         page += fmt::format("<p><b>Recommended: <code>vellum bake {}</code></b>: {}.</p>\n",
                             markupText(sweep.recommendation->options), markupText(sweep.recommendation->reason));
-    page += Chart(sweep).draw() + htmlTableOf(sweep);
+    page += "<div class=\"scroll\">" + Chart(sweep).draw() + "</div>\n" + htmlTableOf(sweep);
     for (const char *text : {kBytesText, kShaderCallsText, kApproximateText})
         page += fmt::format("<p class=\"muted\">{}</p>\n", text);
     if (const std::string text = exclusionsText(sweep); !text.empty())

@@ -441,7 +441,7 @@ void DocumentBaker::rejectTarget(double known) const
     const double most = (known + knownBeforehand()) / surface_;
     std::string text = "the wanted share is not reached: at most " +
                        std::to_string(std::floor(most * 1e4) / 1e4).substr(0, 6) +
-                       " of the alpha-tested surface can be known";
+                       " of the alpha-tested surface is known with the highest level that is allowed";
     if (const double without = 1 - surfaceOfSources() / surface_; without > 1e-9)
         text += "; " + percent(without) + " of it gets no micromap";
     throw TargetNotReached(text);

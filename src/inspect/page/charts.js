@@ -58,7 +58,7 @@ function showTiles() {
       : tile("Surface known", percent(facts.file.surfaceKnown), facts.file.surfaceWithout
         ? `${percent(facts.file.surfaceWithout)} has no micromap` : `${percent(1 - facts.file.surfaceKnown)} is left to the shader`),
     tile("Triangles", count(t.triangles), `${percent(t.triangles ? special / t.triangles : 0)} with a special index`),
-    tile("Micromap triangles", count(t.records), `${plural(t.sharing, "triangle")} share${t.sharing === 1 ? "s" : ""} one`),
+    tile("Micromap triangles", count(t.records), `used by ${plural(t.triangles - special, "triangle")}`),
     tile("Bytes", size(bytes), `${size(bytes - t.indexBytes)} of micromaps + ${size(t.indexBytes)} of indices`),
     tile("Primitives", count(facts.file.micromapPrimitives), `of ${count(facts.file.primitives)}, in ${plural(facts.file.meshes, "mesh", "meshes")}`));
 }

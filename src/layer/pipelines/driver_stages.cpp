@@ -123,7 +123,8 @@ std::optional<SharedWords> emulateMicromaps(DevicePipelines &device, std::span<c
         warnOfQueries(
             device, words,
             "a shader has ray queries and no execution mode OpacityMicromapIdKHR: where they meet micromaps, every "
-            "hit on their geometry is non-opaque. The setting assume_micromaps lets all ray queries use them");
+            "hit on their geometry is non-opaque. Give it the mode (vellum spirv --enable-micromaps), or let all ray "
+            "queries use them by the setting assume_micromaps (--assume-micromaps of vellum run)");
     if (result.lacksHiddenFlags)
         warnOnce(device, words, "VELLUM-intersection-ray-flags",
                  "an intersection shader reads the ray flags: it does not see Opaque, CullNoOpaque and "
