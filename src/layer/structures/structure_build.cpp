@@ -17,7 +17,6 @@
 #include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_input.h"
 #include "layer/structures/structure_layout.h"
-#include "layer/structures/top_level_instances.h"
 
 namespace vellum::layer
 {

@@ -12,7 +12,6 @@
 #include "layer/structures/emulated_backend.h"
 #include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_layout.h"
-#include "layer/structures/top_level_instances.h"
 
 namespace vellum::layer
 {
