@@ -3,7 +3,7 @@
 // VK_EXT_opacity_micromap.
 #pragma once
 
-#include "layer/structures/backend.h"
+#include "layer/structures/device_structures.h"
 
 namespace vellum::layer
 {

@@ -3,7 +3,7 @@
 // that lead a shader from a hit to its micromap.
 #pragma once
 
-#include "layer/structures/backend.h"
+#include "layer/structures/device_structures.h"
 
 namespace vellum::layer
 {
