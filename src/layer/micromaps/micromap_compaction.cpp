@@ -7,7 +7,7 @@
 #include "core/compaction.h"
 #include "core/records.h"
 #include "layer/micromaps/device_micromaps.h"
-#include "layer/micromaps/micromap_extent.h"
+#include "layer/micromaps/micromap_input.h"
 
 namespace vellum::layer
 {
