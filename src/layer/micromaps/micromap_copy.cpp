@@ -9,7 +9,6 @@
 #include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_input.h"
-#include "layer/micromaps/micromap_serialized.h"
 #include "layer/rules/copies.h"
 
 namespace vellum::layer

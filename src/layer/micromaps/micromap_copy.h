@@ -6,10 +6,13 @@
 // knows how many are in use: a handle may be larger than what was built there, and other data may follow it.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <cstring>
 
 #include <vulkan/vulkan.h>
 
+#include "core/records.h"
 #include "layer/state/micromap_object.h"
 
 namespace vellum::layer
@@ -38,5 +41,26 @@ void getDeviceMicromapCompatibility(DeviceMicromaps &, VkDevice, const VkMicroma
 void cmdCopyMicromap(DeviceMicromaps &, VkCommandBuffer, const VkCopyMicromapInfoEXT *);
 void cmdCopyMicromapToMemory(DeviceMicromaps &, VkCommandBuffer, const VkCopyMicromapToMemoryInfoEXT *);
 void cmdCopyMemoryToMicromap(DeviceMicromaps &, VkCommandBuffer, const VkCopyMemoryToMicromapInfoEXT *);
+
+// The header of serialized micromaps, for the host. Layout: core/records.h.
+struct SerializedMicromapHeader {
+    std::array<uint8_t, VK_UUID_SIZE> driverUuid;
+    std::array<uint32_t, 4> layoutUuid;
+    uint64_t bytes;         // total
+    uint64_t micromapBytes; // size of a micromap that it can be deserialized into
+    std::array<uint32_t, 4> unused;
+};
+static_assert(sizeof(SerializedMicromapHeader) == shared::kSerializedMicromapHeaderWords * 4);
+
+inline SerializedMicromapHeader serializedHeader(const std::array<uint8_t, VK_UUID_SIZE> &driverUuid,
+                                                 uint64_t micromapBytes)
+{
+    using namespace shared;
+    return {driverUuid,
+            {kMicromapLayoutUuid0, kMicromapLayoutUuid1, kMicromapLayoutUuid2, kMicromapLayoutVersion},
+            micromapBytes + kSerializedMicromapHeaderWords * 4,
+            micromapBytes,
+            {}};
+}
 
 } // namespace vellum::layer

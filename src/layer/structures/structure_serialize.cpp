@@ -14,7 +14,6 @@
 
 #include "core/records.h"
 #include "layer/micromaps/micromap_copy.h"
-#include "layer/micromaps/micromap_serialized.h"
 #include "layer/rules/ids.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/emulated_backend.h"
