@@ -9,7 +9,6 @@
 #include "core/records.h"
 #include "fake_device.h"
 #include "gpu/pieces.h"
-#include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_build.h"
 #include "layer/micromaps/micromap_copy.h"
 #include "layer/micromaps/micromap_host.h"

@@ -9,7 +9,6 @@
 #include "layer/entry/application_messages.h"
 #include "layer/entry/command.h"
 #include "layer/memory/buffers.h"
-#include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_build.h"
 #include "layer/micromaps/micromap_copy.h"
 #include "layer/micromaps/micromap_host.h"

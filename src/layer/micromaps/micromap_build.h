@@ -9,6 +9,7 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/micromaps/micromap_input.h"
+#include "layer/state/micromap_object.h"
 
 namespace vellum::layer
 {
@@ -22,5 +23,10 @@ void recordMicromapBuilds(DeviceMicromaps &device, VkCommandBuffer commandBuffer
 void getMicromapBuildSizes(DeviceMicromaps &, VkDevice, VkAccelerationStructureBuildTypeKHR,
                            const VkMicromapBuildInfoEXT *, VkMicromapBuildSizesInfoEXT *);
 void cmdBuildMicromaps(DeviceMicromaps &, VkCommandBuffer, uint32_t, const VkMicromapBuildInfoEXT *);
+
+// Creation of micromaps by VK_EXT_opacity_micromap.
+VkResult createMicromap(DeviceMicromaps &, VkDevice, const VkMicromapCreateInfoEXT *, const VkAllocationCallbacks *,
+                        VkMicromapEXT *);
+void destroyMicromap(DeviceMicromaps &, VkDevice, VkMicromapEXT, const VkAllocationCallbacks *);
 
 } // namespace vellum::layer

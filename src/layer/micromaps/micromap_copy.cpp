@@ -7,7 +7,7 @@
 
 #include "core/records.h"
 #include "layer/micromaps/device_micromaps.h"
-#include "layer/micromaps/micromap.h"
+#include "layer/micromaps/micromap_build.h"
 #include "layer/micromaps/micromap_input.h"
 #include "layer/rules/copies.h"
 
