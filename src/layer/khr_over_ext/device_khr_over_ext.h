@@ -48,7 +48,7 @@ public:
     void recordCorrections(VkCommandBuffer commandBuffer, InjectedWork &work,
                            std::span<const Property> properties) override;
 
-    // ext_copies.cpp
+    // ext_backend.cpp
     [[nodiscard]] VkDeviceSize cloneBytes(const StructureCopy &copy) override;
     void record(VkCommandBuffer commandBuffer, const StructureCopy &copy) override;
     void recordSave(VkCommandBuffer commandBuffer, const SerializedCopy &copy) override;
