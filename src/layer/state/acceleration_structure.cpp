@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <iterator>
 #include <string>
 #include <utility>
 
@@ -417,6 +418,23 @@ bool DeviceState::own(VkObjectType type, uint64_t handle) const
         return type == VK_OBJECT_TYPE_MICROMAP_EXT && driver.emulated();
     const auto structure = accelerationStructures.get(reinterpret_cast<VkAccelerationStructureKHR>(handle));
     return structure && isLayerObject(*structure);
+}
+
+StructureLocation::~StructureLocation()
+{
+    for (const Reference &reference : references)
+        root.releaseDescriptor(reference.address);
+    if (heldKey != 0)
+        root.releaseDescriptor(heldKey);
+}
+
+VkDeviceSize StructureLocations::bytesToNext(Position position) const
+{
+    std::lock_guard lock(mutex_);
+    const auto next = std::next(position);
+    return next == locations_.end() || next->first.first != position->first.first
+               ? ~VkDeviceSize{0}
+               : next->first.second - position->first.second;
 }
 
 } // namespace vellum::layer

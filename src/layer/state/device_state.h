@@ -14,7 +14,6 @@
 #include "layer/state/micromap_warnings.h"
 #include "layer/state/private_data.h"
 #include "layer/state/root_table.h"
-#include "layer/state/structure_location.h"
 
 namespace vellum::layer
 {
