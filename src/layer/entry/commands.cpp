@@ -16,7 +16,7 @@
 #include "layer/pipelines/hit_records.h"
 #include "layer/pipelines/pipeline_creation.h"
 #include "layer/pipelines/shaders.h"
-#include "layer/state/object_names.h"
+#include "layer/state/layer_objects.h"
 #include "layer/structures/structure_commands.h"
 #include "layer/validation/commands.h"
 

@@ -11,8 +11,8 @@
 #include "layer/memory/device_buffers.h"
 #include "layer/rules/rule.h"
 #include "layer/state/acceleration_structure.h"
+#include "layer/state/layer_objects.h"
 #include "layer/state/micromap_warnings.h"
-#include "layer/state/private_data.h"
 #include "layer/state/root_table.h"
 
 namespace vellum::layer

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// VK_EXT_private_data of layer objects, whose handles the driver does not know.
+// Names and tags of objects. The driver does not know layer objects; their names appear in the layer's messages.
 #pragma once
 
 #include <cstdint>
@@ -13,6 +13,12 @@ namespace vellum::layer
 
 struct DeviceState;
 
+VkResult setDebugUtilsObjectName(DeviceState &, VkDevice, const VkDebugUtilsObjectNameInfoEXT *);
+VkResult setDebugUtilsObjectTag(DeviceState &, VkDevice, const VkDebugUtilsObjectTagInfoEXT *);
+VkResult debugMarkerSetObjectName(DeviceState &, VkDevice, const VkDebugMarkerObjectNameInfoEXT *);
+VkResult debugMarkerSetObjectTag(DeviceState &, VkDevice, const VkDebugMarkerObjectTagInfoEXT *);
+
+// VK_EXT_private_data of layer objects, whose handles the driver does not know.
 class PrivateData
 {
 public:
