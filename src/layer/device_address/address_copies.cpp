@@ -7,7 +7,6 @@
 
 #include "layer/command_buffer/synchronization.h"
 #include "layer/device_address/address_lookup.h"
-#include "layer/device_address/device_address_commands.h"
 #include "layer/device_address/device_addresses.h"
 #include "layer/query_pool/query_pool.h"
 
