@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/query_pool/query_pool.h"
 
 #include <algorithm>
 #include <chrono>
