@@ -53,7 +53,7 @@ void cmdDrawMeshTasksIndirectCount2(DeviceAddresses &, VkCommandBuffer, const Vk
 void cmdDispatchIndirect2(DeviceAddresses &, VkCommandBuffer, const VkDispatchIndirect2InfoKHR *);
 void cmdBeginConditionalRendering2(DeviceAddresses &, VkCommandBuffer, const VkConditionalRenderingBeginInfo2EXT *);
 
-// address_transform_feedback.cpp
+// address_draws.cpp: transform feedback
 void cmdBindTransformFeedbackBuffers2(DeviceAddresses &, VkCommandBuffer, uint32_t, uint32_t,
                                       const VkBindTransformFeedbackBuffer2InfoEXT *);
 void cmdBeginTransformFeedback2(DeviceAddresses &, VkCommandBuffer, uint32_t, uint32_t,
