@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <atomic>
 
+#include "layer/base/commands.h"
 #include "layer/base/pnext.h"
 #include "layer/base/undo.h"
 #include "layer/command_buffer/device_command_buffers.h"

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/command_buffer/synchronization.h"
-
+// Commands that order memory accesses: those after which hit tables may have other content (hit_table_copies.h), and
+// those that take pipeline stages and accesses, of which the driver does not know those of micromap builds:
+// VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, VK_ACCESS_2_MICROMAP_READ/WRITE_BIT_EXT. They exist as 64-bit flags only.
 #include <algorithm>
 #include <deque>
 #include <vector>
 
+#include "layer/base/commands.h"
 #include "layer/base/pnext.h"
 #include "layer/command_buffer/device_command_buffers.h"
 #include "layer/input/checked.h"
@@ -14,15 +16,6 @@
 
 namespace vellum::layer
 {
-
-// Range barriers of VK_KHR_device_address_commands, in the pNext of dependency infos.
-struct DeviceCommandBuffers;
-
-// Appends the range barriers of a dependency info as memory and buffer barriers, which every driver knows.
-void addRangeBarriers(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
-                      const VkMemoryRangeBarriersInfoKHR &info, std::vector<VkMemoryBarrier2> &memory,
-                      std::vector<VkBufferMemoryBarrier2> &buffers);
-
 namespace
 {
 
@@ -48,8 +41,8 @@ bool addTransfers(const DeviceCommandBuffers &device, VkCommandBuffer commandBuf
     return !locations.empty();
 }
 
-} // namespace
-
+// Appends the range barriers of a dependency info (VK_KHR_device_address_commands) as memory and buffer barriers, which
+// every driver knows.
 void addRangeBarriers(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
                       const VkMemoryRangeBarriersInfoKHR &info, std::vector<VkMemoryBarrier2> &memory,
                       std::vector<VkBufferMemoryBarrier2> &buffers)
@@ -68,9 +61,6 @@ void addRangeBarriers(const DeviceCommandBuffers &device, VkCommandBuffer comman
                 "other queue family");
     }
 }
-
-namespace
-{
 
 // Micromaps are built by compute shaders and copied by transfers.
 VkPipelineStageFlags2 driverStages(VkPipelineStageFlags2 stages)
@@ -363,6 +353,7 @@ VkResult queueSubmit2(DeviceCommandBuffers &device, VkQueue queue, uint32_t coun
     return device.driver.next.QueueSubmit2(queue, count, own.data(), fence);
 }
 
+// Queue commands, which may use the queue of probes (driver_probe.h).
 VkResult queueBindSparse(DeviceCommandBuffers &device, VkQueue queue, uint32_t count, const VkBindSparseInfo *infos,
                          VkFence fence)
 {

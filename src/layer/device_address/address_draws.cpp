@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bindings, indirect commands and conditional rendering of VK_KHR_device_address_commands.
+// Bindings, indirect commands, conditional rendering and transform feedback of VK_KHR_device_address_commands.
 #include <algorithm>
 #include <vector>
 
+#include "layer/base/commands.h"
 #include "layer/base/pnext.h"
 #include "layer/command_buffer/command_state.h"
 #include "layer/device_address/address_lookup.h"
@@ -225,7 +226,8 @@ void cmdBeginConditionalRendering2(DeviceAddresses &device, VkCommandBuffer comm
     cmdBeginConditionalRendering(device.commands, commandBuffer, &begin);
 }
 
-// Transform feedback of VK_KHR_device_address_commands.
+// --- transform feedback ---
+
 namespace
 {
 

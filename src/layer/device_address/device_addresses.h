@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The subsystem of VK_KHR_device_address_commands: commands that take address ranges, recorded as older commands.
+// The subsystem of VK_KHR_device_address_commands: commands that take address ranges, recorded as older commands that
+// take buffers (address_lookup.h). The addressFlags are ignored: older commands get that information from the buffer.
 #pragma once
 
 #include <mutex>
@@ -11,10 +12,6 @@
 namespace vellum::layer
 {
 
-struct DeviceAddresses;
-
-// VK_KHR_device_address_commands: commands that take address ranges, recorded as older commands that take buffers
-// (address_lookup.h). The addressFlags are ignored: older commands get that information from the buffer.
 // Replaces a null index buffer on devices without VK_KHR_maintenance6, where none may be bound.
 class ZeroIndices
 {
@@ -27,41 +24,6 @@ private:
 };
 // Returns whether VK_NULL_HANDLE may be bound as index buffer on a device with this create info.
 bool enablesNullIndexBuffer(const VkDeviceCreateInfo &info);
-
-// address_copies.cpp
-void cmdCopyMemory(DeviceAddresses &, VkCommandBuffer, const VkCopyDeviceMemoryInfoKHR *);
-void cmdCopyMemoryToImage(DeviceAddresses &, VkCommandBuffer, const VkCopyDeviceMemoryImageInfoKHR *);
-void cmdCopyImageToMemory(DeviceAddresses &, VkCommandBuffer, const VkCopyDeviceMemoryImageInfoKHR *);
-void cmdUpdateMemory(DeviceAddresses &, VkCommandBuffer, const VkDeviceAddressRangeKHR *, VkAddressCommandFlagsKHR,
-                     VkDeviceSize, const void *);
-void cmdFillMemory(DeviceAddresses &, VkCommandBuffer, const VkDeviceAddressRangeKHR *, VkAddressCommandFlagsKHR,
-                   uint32_t);
-void cmdCopyQueryPoolResultsToMemory(DeviceAddresses &, VkCommandBuffer, VkQueryPool, uint32_t, uint32_t,
-                                     const VkStridedDeviceAddressRangeKHR *, VkAddressCommandFlagsKHR,
-                                     VkQueryResultFlags);
-void cmdWriteMarkerToMemory(DeviceAddresses &, VkCommandBuffer, const VkMemoryMarkerInfoAMD *);
-
-// address_draws.cpp
-void cmdBindIndexBuffer3(DeviceAddresses &, VkCommandBuffer, const VkBindIndexBuffer3InfoKHR *);
-void cmdBindVertexBuffers3(DeviceAddresses &, VkCommandBuffer, uint32_t, uint32_t, const VkBindVertexBuffer3InfoKHR *);
-void cmdDrawIndirect2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirect2InfoKHR *);
-void cmdDrawIndexedIndirect2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirect2InfoKHR *);
-void cmdDrawMeshTasksIndirect2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirect2InfoKHR *);
-void cmdDrawIndirectCount2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirectCount2InfoKHR *);
-void cmdDrawIndexedIndirectCount2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirectCount2InfoKHR *);
-void cmdDrawMeshTasksIndirectCount2(DeviceAddresses &, VkCommandBuffer, const VkDrawIndirectCount2InfoKHR *);
-void cmdDispatchIndirect2(DeviceAddresses &, VkCommandBuffer, const VkDispatchIndirect2InfoKHR *);
-void cmdBeginConditionalRendering2(DeviceAddresses &, VkCommandBuffer, const VkConditionalRenderingBeginInfo2EXT *);
-
-// address_draws.cpp: transform feedback
-void cmdBindTransformFeedbackBuffers2(DeviceAddresses &, VkCommandBuffer, uint32_t, uint32_t,
-                                      const VkBindTransformFeedbackBuffer2InfoEXT *);
-void cmdBeginTransformFeedback2(DeviceAddresses &, VkCommandBuffer, uint32_t, uint32_t,
-                                const VkBindTransformFeedbackBuffer2InfoEXT *);
-void cmdEndTransformFeedback2(DeviceAddresses &, VkCommandBuffer, uint32_t, uint32_t,
-                              const VkBindTransformFeedbackBuffer2InfoEXT *);
-void cmdDrawIndirectByteCount2(DeviceAddresses &, VkCommandBuffer, uint32_t, uint32_t,
-                               const VkBindTransformFeedbackBuffer2InfoEXT *, uint32_t, uint32_t);
 
 struct DeviceAddresses {
     Driver &driver;

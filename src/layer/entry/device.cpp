@@ -12,8 +12,8 @@
 
 #include <vulkan/vk_layer.h>
 
+#include "layer/base/commands.h"
 #include "layer/base/undo.h"
-#include "layer/entry/commands.h"
 #include "layer/entry/device_info.h"
 #include "layer/entry/ray_tracing_extensions.h"
 #include "layer/entry/registry.h"

@@ -5,12 +5,9 @@
 #pragma once
 
 #include "layer/query_pool/device_query_pools.h"
-#include "layer/structures/device_structures.h"
 
 namespace vellum::layer
 {
-
-struct DeviceKhrOverExt;
 
 struct DeviceKhrOverExt {
     Driver &driver;
@@ -48,7 +45,6 @@ public:
     void recordCorrections(VkCommandBuffer commandBuffer, InjectedWork &work,
                            std::span<const Property> properties) override;
 
-    // ext_backend.cpp
     [[nodiscard]] VkDeviceSize cloneBytes(const StructureCopy &copy) override;
     void record(VkCommandBuffer commandBuffer, const StructureCopy &copy) override;
     void recordSave(VkCommandBuffer commandBuffer, const SerializedCopy &copy) override;

@@ -3,8 +3,7 @@
 
 #include <vector>
 
-#include <vulkan/vulkan.h>
-
+#include "layer/base/commands.h"
 #include "layer/base/pnext.h"
 #include "layer/base/undo.h"
 #include "layer/memory/device_buffers.h"
@@ -19,8 +18,6 @@ namespace vellum::layer
 // destroys the buffer.
 //
 // The application may also free the memory of such a buffer first, as of any buffer (vkFreeMemory).
-struct DeviceBuffers;
-
 class DriverBuffer
 {
 public:

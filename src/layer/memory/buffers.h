@@ -32,13 +32,6 @@ VkFlags64 editUsage(Reporter &report, Chain &chain, VkBufferUsageFlags &usage, V
 // never queried: the application knows it from another buffer in the same memory, or from a captured replay.
 void rememberAddress(DeviceBuffers &device, VkBuffer buffer);
 
-VkResult createBuffer(DeviceBuffers &, VkDevice, const VkBufferCreateInfo *, const VkAllocationCallbacks *, VkBuffer *);
-void destroyBuffer(DeviceBuffers &, VkDevice, VkBuffer, const VkAllocationCallbacks *);
-void getDeviceBufferMemoryRequirements(DeviceBuffers &, VkDevice, const VkDeviceBufferMemoryRequirements *,
-                                       VkMemoryRequirements2 *);
-VkResult allocateMemory(DeviceBuffers &, VkDevice, const VkMemoryAllocateInfo *, const VkAllocationCallbacks *,
-                        VkDeviceMemory *);
-VkDeviceAddress getBufferDeviceAddress(DeviceBuffers &, VkDevice, const VkBufferDeviceAddressInfo *);
 void bindDescriptorBuffers(DeviceBuffers &, VkCommandBuffer, uint32_t, const VkDescriptorBufferBindingInfoEXT *);
 
 } // namespace vellum::layer

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <utility>
 
+#include "layer/base/commands.h"
 #include "layer/base/pnext.h"
 #include "layer/memory/buffers.h"
 #include "layer/memory/device_buffers.h"

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The addresses of the layer's tables in an earlier run. A file keeps them, so that the tables can get the same
-// addresses again (bufferDeviceAddressCaptureReplay). On a GPU, rewritten shaders then have the same words in every
-// run, as with FixedMemory on a CPU. Nothing else depends on it: if the file cannot be read, or an address cannot be
-// had again, the table gets another address, which is kept instead.
+// The addresses of the layer's tables, the same in every run where that is possible.
+//
+// Rewritten shaders contain the addresses as constants, and a driver's caches identify shaders by their words: with the
+// same addresses the next run finds the pipelines of this one. Nothing else depends on it. If an address cannot be had,
+// the table gets another one, and other words are only other keys.
 #pragma once
 
 #include <array>
@@ -15,12 +16,8 @@
 namespace vellum::layer
 {
 
-// Host memory at an address that is the same in every run.
-//
-// Rewritten shaders contain the addresses of the layer's tables as constants, and a driver's caches identify shaders by
-// their words. If device addresses are host addresses, tables at the same address in every run let the next run find
-// the pipelines of this one. Nothing else depends on it: if an address is taken, by another device of the process or by
-// anything else, the next one is tried, and other words are only other keys.
+// Host memory at a fixed address, for devices whose device addresses are host addresses, as on a CPU. If an address is
+// taken, by another device of the process or by anything else, the next one is tried.
 class FixedMemory
 {
 public:
@@ -42,6 +39,8 @@ private:
     size_t bytes_ = 0;
 };
 
+// The addresses of an earlier run. A file keeps them, so that the tables can get the same ones again
+// (bufferDeviceAddressCaptureReplay), as on a GPU. Where they get others, these are kept instead.
 class KeptAddresses
 {
 public:

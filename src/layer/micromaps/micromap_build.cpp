@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/micromaps/micromap_build.h"
-
+// Builds of micromaps on the device, and the commands of VK_EXT_opacity_micromap that create and build them; those of
+// VK_KHR_opacity_micromap are in structures/structure_commands.cpp.
 #include <algorithm>
 #include <cstring>
 #include <new>
@@ -11,6 +11,7 @@
 #include "core/curve.h"
 #include "core/micromap.h"
 #include "core/records.h"
+#include "layer/base/commands.h"
 #include "layer/input/checked.h"
 #include "layer/micromaps/device_micromaps.h"
 #include "layer/rules/builds.h"

@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/micromaps/micromap_copy.h"
-
+// Copies of micromaps on the device, queries of their properties, and the commands of VK_EXT_opacity_micromap for them;
+// those of VK_KHR_opacity_micromap are in structures/structure_commands.cpp.
+//
+// A micromap is self-contained, and nothing in it depends on its location, so a clone copies bytes. Only the device
+// knows how many are in use: a handle may be larger than what was built there, and other data may follow it.
 #include <algorithm>
 #include <cstring>
 #include <string>
 
 #include "core/records.h"
+#include "layer/base/commands.h"
 #include "layer/micromaps/device_micromaps.h"
-#include "layer/micromaps/micromap_build.h"
-#include "layer/micromaps/micromap_input.h"
 #include "layer/rules/copies.h"
 
 namespace vellum::layer

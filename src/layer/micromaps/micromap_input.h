@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A build of a micromap by either extension, as the back ends record it: made of an accepted input.
+// A build of a micromap by either extension, as the back ends record it: made of an accepted input. Its sizes follow
+// from the usage counts, for device and host builds.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +22,6 @@ namespace vellum::layer
 
 struct AccelerationStructure;
 
-// Sizes of a micromap build, computed from its usage counts. For device and host builds.
 // A flag in MicromapBuild::flags: the build is lossy. Only VK_KHR_opacity_micromap has the flag.
 inline constexpr VkBuildMicromapFlagsEXT kLossyBuild = 0x400;
 

@@ -12,6 +12,7 @@
 
 #include "core/hash.h"
 #include "core/ray_flags.h"
+#include "layer/base/commands.h"
 #include "layer/base/undo.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/pipelines/hit_records.h"
-
+// vkCmdTraceRays*: hits through a null hit record, or beyond the end of the hit table, still look up micromaps.
+// Pipelines that use micromaps trace with a copy of the table in which a hit record of the layer replaces these.
 #include <algorithm>
 #include <memory>
 
+#include "layer/base/commands.h"
 #include "layer/pipelines/device_pipelines.h"
 
 namespace vellum::layer

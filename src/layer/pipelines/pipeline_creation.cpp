@@ -5,6 +5,7 @@
 #include <optional>
 #include <span>
 
+#include "layer/base/commands.h"
 #include "layer/input/checked.h"
 #include "layer/pipelines/binaries.h"
 #include "layer/pipelines/pipeline_flags.h"

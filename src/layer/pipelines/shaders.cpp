@@ -4,6 +4,7 @@
 #include <cstring>
 #include <memory>
 
+#include "layer/base/commands.h"
 #include "layer/base/undo.h"
 #include "layer/input/checked.h"
 #include "layer/pipelines/binaries.h"

@@ -42,18 +42,6 @@ private:
     std::deque<Chain> chains_;
 };
 
-VkResult createShaderModule(DevicePipelines &, VkDevice, const VkShaderModuleCreateInfo *,
-                            const VkAllocationCallbacks *, VkShaderModule *);
-void destroyShaderModule(DevicePipelines &, VkDevice, VkShaderModule, const VkAllocationCallbacks *);
-VkResult createComputePipelines(DevicePipelines &, VkDevice, VkPipelineCache, uint32_t,
-                                const VkComputePipelineCreateInfo *, const VkAllocationCallbacks *, VkPipeline *);
-void getPipelineIndirectMemoryRequirements(DevicePipelines &, VkDevice, const VkComputePipelineCreateInfo *,
-                                           VkMemoryRequirements2 *);
-VkResult createGraphicsPipelines(DevicePipelines &, VkDevice, VkPipelineCache, uint32_t,
-                                 const VkGraphicsPipelineCreateInfo *, const VkAllocationCallbacks *, VkPipeline *);
-VkResult createShaders(DevicePipelines &, VkDevice, uint32_t, const VkShaderCreateInfoEXT *,
-                       const VkAllocationCallbacks *, VkShaderEXT *);
-
 // --- commands that create several objects. A pipeline that fails does not keep the command from creating the others,
 // unless it has EARLY_RETURN_ON_FAILURE (Vulkan, "Multiple Pipeline Creation") ---
 

@@ -12,10 +12,6 @@
 namespace vellum::layer
 {
 
-struct DeviceQueryPools;
-
-// Query pools whose results the layer writes or corrects.
-//
 // A pool of micromap sizes has the handle of a driver's pool of a type that every driver supports, and which is never
 // used: names, private data and destruction of the handle then need no special treatment. A pool of acceleration
 // structure sizes is the driver's. Each answer of the driver is copied and corrected (structures/structure_size.comp),
@@ -45,23 +41,7 @@ struct QueryPool {
     [[nodiscard]] bool available(uint32_t query) const;
 };
 
-VkResult createQueryPool(DeviceQueryPools &, VkDevice, const VkQueryPoolCreateInfo *, const VkAllocationCallbacks *,
-                         VkQueryPool *);
-void destroyQueryPool(DeviceQueryPools &, VkDevice, VkQueryPool, const VkAllocationCallbacks *);
-void resetQueryPool(DeviceQueryPools &, VkDevice, VkQueryPool, uint32_t, uint32_t);
-void cmdResetQueryPool(DeviceQueryPools &, VkCommandBuffer, VkQueryPool, uint32_t, uint32_t);
-VkResult getQueryPoolResults(DeviceQueryPools &, VkDevice, VkQueryPool, uint32_t, uint32_t, size_t, void *,
-                             VkDeviceSize, VkQueryResultFlags);
-void cmdCopyQueryPoolResults(DeviceQueryPools &, VkCommandBuffer, VkQueryPool, uint32_t, uint32_t, VkBuffer,
-                             VkDeviceSize, VkDeviceSize, VkQueryResultFlags);
-
-void cmdWriteMicromapsProperties(DeviceQueryPools &, VkCommandBuffer, uint32_t, const VkMicromapEXT *, VkQueryType,
-                                 VkQueryPool, uint32_t);
-void cmdWriteAccelerationStructuresProperties(DeviceQueryPools &, VkCommandBuffer, uint32_t,
-                                              const VkAccelerationStructureKHR *, VkQueryType, VkQueryPool, uint32_t);
 // Host command. It reports that it is not available for emulated micromaps, and for structures that are micromaps.
-VkResult writeAccelerationStructuresProperties(DeviceQueryPools &, VkDevice, uint32_t,
-                                               const VkAccelerationStructureKHR *, VkQueryType, size_t, void *, size_t);
 
 struct DeviceQueryPools {
     Driver &driver;

@@ -20,8 +20,8 @@
 namespace vellum::layer
 {
 
-// The location of a fault: a command, and the path from its parameters to a member.
-// A place refers to the one around it, which must outlive it. Its text is made only for a fault.
+// The location of a fault: a command, and the path from its parameters to a member. A place refers to the one around
+// it, which must outlive it. Its text is made only for a fault.
 class Place
 {
 public:

@@ -12,7 +12,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/state/buffer_range.h"
+#include "layer/memory/address_map.h"
 #include "layer/state/micromap_object.h"
 #include "layer/state/root_table.h"
 
@@ -140,6 +140,13 @@ struct AccelerationStructure {
     std::vector<ExactSizeHandle> exactSizeHandles;
 };
 
+// The part of a buffer that a structure is created in.
+struct BufferRange {
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VkDeviceSize offset = 0;
+    VkDeviceSize size = 0;
+    AddressMap::Owner owner{}; // of the buffer, if it was found by an address
+};
 std::shared_ptr<AccelerationStructure> newStructure(const BufferRange &range, VkAccelerationStructureTypeKHR type);
 
 // Acquires and releases the location of a structure.

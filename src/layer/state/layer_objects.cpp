@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/state/layer_objects.h"
 
+#include "layer/base/commands.h"
 #include "layer/state/device_state.h"
 
 namespace vellum::layer

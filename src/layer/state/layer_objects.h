@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Names and tags of objects. The driver does not know layer objects; their names appear in the layer's messages.
+// Names, tags and private data of objects. The driver does not know layer objects; their names appear in the layer's
+// messages.
 #pragma once
 
 #include <cstdint>
@@ -10,13 +11,6 @@
 
 namespace vellum::layer
 {
-
-struct DeviceState;
-
-VkResult setDebugUtilsObjectName(DeviceState &, VkDevice, const VkDebugUtilsObjectNameInfoEXT *);
-VkResult setDebugUtilsObjectTag(DeviceState &, VkDevice, const VkDebugUtilsObjectTagInfoEXT *);
-VkResult debugMarkerSetObjectName(DeviceState &, VkDevice, const VkDebugMarkerObjectNameInfoEXT *);
-VkResult debugMarkerSetObjectTag(DeviceState &, VkDevice, const VkDebugMarkerObjectTagInfoEXT *);
 
 // VK_EXT_private_data of layer objects, whose handles the driver does not know.
 class PrivateData
@@ -31,9 +25,5 @@ private:
     mutable std::mutex mutex_;
     std::map<std::pair<uint64_t, VkPrivateDataSlot>, uint64_t> values_;
 };
-
-VkResult setPrivateData(DeviceState &, VkDevice, VkObjectType, uint64_t, VkPrivateDataSlot, uint64_t);
-void getPrivateData(DeviceState &, VkDevice, VkObjectType, uint64_t, VkPrivateDataSlot, uint64_t *);
-void destroyPrivateDataSlot(DeviceState &, VkDevice, VkPrivateDataSlot, const VkAllocationCallbacks *);
 
 } // namespace vellum::layer

@@ -17,7 +17,7 @@ namespace vellum::layer
 
 class InjectedWork;
 
-// A back end records the builds and copies that structure_commands.h has checked. There are two: emulated micromaps
+// A back end records the builds and copies that structure_commands.cpp has checked. There are two: emulated micromaps
 // (emulated_backend.h), and VK_KHR_opacity_micromap on a driver's VK_EXT_opacity_micromap
 // (khr_over_ext/device_khr_over_ext.h).
 class Backend

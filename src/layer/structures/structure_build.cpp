@@ -10,7 +10,7 @@
 
 #include "core/records.h"
 #include "layer/base/atomic_max.h"
-#include "layer/micromaps/micromap_build.h"
+#include "layer/micromaps/device_micromaps.h"
 #include "layer/rules/builds.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/emulated_backend.h"

@@ -13,7 +13,7 @@
 #include <string>
 
 #include "core/records.h"
-#include "layer/micromaps/micromap_copy.h"
+#include "layer/micromaps/device_micromaps.h"
 #include "layer/rules/ids.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/emulated_backend.h"
