@@ -11,7 +11,7 @@
 #include "layer/base/commands.h"
 #include "layer/entry/device.h"
 #include "layer/validation/commands.h"
-#include "layer/validation/rules/implicit_rules.h"
+#include "layer/validation/rules/rule_check.h"
 
 namespace vellum::layer
 {

@@ -4,7 +4,6 @@
 #include "layer/rules/copies.h"
 #include "layer/input/checked.h"
 #include "layer/validation/commands.h"
-#include "layer/validation/rules/implicit_rules.h"
 #include "layer/validation/rules/rule_check.h"
 
 namespace vellum::layer
