@@ -190,11 +190,6 @@ VkDeviceAddress beginOf(const Driver &driver, const AccelerationStructure &struc
 // Bytes in units of 16 bytes for shaders, rounded down; at most UINT32_MAX.
 uint32_t unitsOf(VkDeviceSize bytes);
 
-// Reports errors that shaders have found in copies since the last call, unless validation does.
-void reportGpuErrors(DeviceState &device);
-// Reports all except those whose bit is set in `known` (one bit for each kGpuError*).
-void reportGpuErrors(DeviceState &device, uint32_t known);
-
 // --- structures that are or hold micromaps (VK_KHR_opacity_micromap) ---
 // Returns whether a structure is a micromap, or GENERIC, so that it can hold one.
 bool canHoldMicromap(const AccelerationStructure &structure);

@@ -6,17 +6,39 @@
 #include <atomic>
 #include <memory>
 #include <mutex>
+#include <string>
 #include <unordered_map>
+#include <utility>
+#include <vector>
 
 #include "layer/memory/device_buffers.h"
 #include "layer/rules/rule.h"
 #include "layer/state/acceleration_structure.h"
 #include "layer/state/layer_objects.h"
-#include "layer/state/micromap_warnings.h"
 #include "layer/state/root_table.h"
 
 namespace vellum::layer
 {
+
+// Warnings of shaders and pipelines that do not declare their use of micromaps. They are wrong only where rays meet
+// micromaps, and many programs enable every feature and never build a micromap: a warning is kept until a bottom-level
+// structure with micromaps is built on the device.
+class MicromapWarnings
+{
+public:
+    explicit MicromapWarnings(const Driver &driver) : driver_(driver) {}
+
+    // Sends the warning, now or when micromaps are used. `id` is a literal.
+    void warn(const char *id, const std::string &text);
+    // A build of a bottom-level structure with micromaps was recorded.
+    void micromapsAreUsed();
+
+private:
+    const Driver &driver_;
+    std::atomic<bool> used_ = false;
+    std::mutex mutex_; // guards the next member, and used_ while it changes
+    std::vector<std::pair<const char *, std::string>> kept_;
+};
 
 struct DeviceState {
     Driver &driver;
@@ -38,5 +60,10 @@ struct DeviceState {
     // translated devices have such objects.
     [[nodiscard]] bool own(VkObjectType type, uint64_t handle) const;
 };
+
+// Reports errors that shaders have found in copies since the last call, unless validation does.
+void reportGpuErrors(DeviceState &device);
+// Reports all except those whose bit is set in `known` (one bit for each kGpuError*).
+void reportGpuErrors(DeviceState &device, uint32_t known);
 
 } // namespace vellum::layer
