@@ -10,7 +10,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/state/micromap_object.h"
+#include "layer/state/acceleration_structure.h"
 
 namespace vellum::layer
 {

@@ -14,7 +14,7 @@
 #include "core/records.h"
 #include "layer/input/builds.h"
 #include "layer/rules/rule.h"
-#include "layer/state/micromap_object.h"
+#include "layer/state/acceleration_structure.h"
 #include "vk/newer.h"
 
 namespace vellum::layer

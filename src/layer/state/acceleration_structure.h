@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// An acceleration structure as an object: the layer's record of it, and what its commands share.
+// Micromaps and acceleration structures as objects: the layer's records of them, and what their commands share.
 #pragma once
 
 #include <cstdint>
@@ -12,8 +12,8 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/base/driver.h"
 #include "layer/memory/address_map.h"
-#include "layer/state/micromap_object.h"
 #include "layer/state/root_table.h"
 
 namespace vellum::layer
@@ -23,6 +23,32 @@ struct Driver;
 struct DeviceState;
 struct AccelerationStructure;
 class PlacedMicromaps; // khr_over_ext/placed_micromaps.h
+
+// The memory of a micromap, built or not. VkMicromapEXT handles are pointers to these.
+struct Micromap {
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VkDeviceSize offset = 0;
+    VkDeviceSize size = 0;
+    // The application's handle, for messages.
+    struct Object {
+        VkObjectType type = VK_OBJECT_TYPE_MICROMAP_EXT;
+        uint64_t handle = 0;
+    } object;
+
+    explicit operator bool() const { return buffer != VK_NULL_HANDLE; }
+};
+
+// The object of a handle; null for null.
+inline const Micromap *micromapOf(VkMicromapEXT handle)
+{
+    return reinterpret_cast<const Micromap *>(handle);
+}
+
+// Device address of a micromap's memory; 0 without memory.
+inline VkDeviceAddress micromapAddress(const Driver &driver, const Micromap &micromap)
+{
+    return micromap ? driver.bufferAddress(micromap.buffer) + micromap.offset : 0;
+}
 
 // The locations of acceleration structures. What was built belongs to the location and not to a handle: an application
 // with its own allocator may create several handles for the same content, each as large as the rest of the buffer, and
