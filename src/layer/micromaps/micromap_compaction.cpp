@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/micromaps/micromap_compaction.h"
-
+// Compaction of micromaps on the device (core/compaction.h): by queries of the compacted size and by compacting copies.
+// Builds leave data in place; which triangles share data is found out here, and again for each query and copy, with the
+// same result. The micromap itself is only read, so commands on other queues may use it at the same time.
 #include <algorithm>
 #include <vector>
 
 #include "core/compaction.h"
 #include "core/records.h"
 #include "layer/micromaps/device_micromaps.h"
-#include "layer/micromaps/micromap_input.h"
 
 namespace vellum::layer
 {
