@@ -18,7 +18,6 @@
 #include "layer/structures/device_structures.h"
 #include "layer/structures/emulated_backend.h"
 #include "layer/structures/exact_size_handle.h"
-#include "layer/structures/structure_copy.h"
 #include "layer/structures/structure_layout.h"
 
 namespace vellum::layer
