@@ -18,7 +18,6 @@
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/module_identifiers.h"
 #include "layer/pipelines/pipeline_creation.h"
-#include "layer/pipelines/pipeline_flags.h"
 #include "layer/pipelines/shaders.h"
 
 namespace vellum::layer
