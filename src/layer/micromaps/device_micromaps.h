@@ -3,6 +3,7 @@
 // the input of both extensions.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <mutex>
@@ -48,6 +49,12 @@ struct DeviceMicromaps {
     DeviceCommandBuffers &commands;
     MicromapBounds bounds{};
 };
+
+// Invocations of injected work in a loop: enough to keep a GPU busy, or four workgroups for each thread of a CPU.
+inline uint32_t enoughInvocations(const Driver &driver)
+{
+    return driver.threads == 0 ? 1u << 16 : 4u * 64u * std::min(driver.threads, 64u);
+}
 
 // --- builds and copies that have been checked, whichever extension they came by ---
 void recordMicromapBuilds(DeviceMicromaps &device, VkCommandBuffer commandBuffer,

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <string>
 
+#include "core/align.h"
 #include "core/records.h"
 #include "layer/base/commands.h"
 #include "layer/micromaps/device_micromaps.h"
@@ -35,9 +36,8 @@ void move(InjectedWork &work, const Driver &driver, MicromapMovePush push)
 {
     const uint64_t units = push.micromapBytes / kDataUnitBytes;
     const uint64_t invocations = (units + kMoveUnitsPerInvocation - 1) / kMoveUnitsPerInvocation;
-    // Enough to keep a GPU busy, or four workgroups for each thread of a CPU.
-    const uint64_t most = driver.threads == 0 ? 1u << 16 : 4u * 64u * std::min(driver.threads, 64u);
-    push.invocations = static_cast<uint32_t>(std::clamp<uint64_t>((invocations + 63) / 64 * 64, 64, most));
+    push.invocations =
+        static_cast<uint32_t>(std::clamp<uint64_t>(alignUp(invocations, 64), 64, enoughInvocations(driver)));
     work.barrier();
     work.dispatch(InjectedShader::MicromapMove, push, push.invocations, 64);
     work.barrier(true);

@@ -35,19 +35,18 @@ uint64_t MicromapExtent::parts() const
 uint64_t MicromapExtent::coarsenedOffset() const
 {
     const uint64_t words = kScratchTables + blocksOf(triangles) + 2 * parts();
-    return (words * 4 + 255) / 256 * 256;
+    return alignUp(words * 4, 256);
 }
 
 uint64_t MicromapExtent::coarsenedBytes() const
 {
-    return (triangles * kLossyEntryBytes + 15) / 16 * 16 + units * kDataUnitBytes;
+    return alignUp(triangles * kLossyEntryBytes, 16) + units * kDataUnitBytes;
 }
 
 uint64_t MicromapExtent::scratchBytes() const
 {
     return kBuildScratchAlignment +
-           (lossy ? (coarsenedOffset() + coarsenedBytes() + parts() * kLossyPartBytes + 255) / 256 * 256
-                  : coarsenedOffset());
+           (lossy ? alignUp(coarsenedOffset() + coarsenedBytes() + parts() * kLossyPartBytes, 256) : coarsenedOffset());
 }
 
 bool MicromapExtent::countable() const
