@@ -8,7 +8,7 @@
 #include "layer/base/pnext.h"
 #include "layer/base/undo.h"
 #include "layer/command_buffer/device_command_buffers.h"
-#include "layer/memory/buffers.h"
+#include "layer/memory/device_buffers.h"
 
 namespace vellum::layer
 {

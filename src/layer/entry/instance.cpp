@@ -18,7 +18,7 @@
 #include "layer/base/undo.h"
 #include "layer/entry/device.h"
 #include "layer/entry/ray_tracing_extensions.h"
-#include "layer/memory/buffers.h"
+#include "layer/memory/device_buffers.h"
 #include "layer/micromaps/micromap_input.h"
 #include "layer/pipelines/binaries.h"
 #include "layer/pipelines/module_identifiers.h"

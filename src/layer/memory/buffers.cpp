@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/memory/buffers.h"
 
 #include <vector>
 
