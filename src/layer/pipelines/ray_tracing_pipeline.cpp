@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 
-#include "layer/base/atomic_max.h"
 #include "layer/base/commands.h"
 #include "layer/base/pipeline_info.h"
 #include "layer/base/pnext.h"

@@ -4,6 +4,8 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -11,14 +13,29 @@
 #include <utility>
 #include <vector>
 
+#include <vulkan/vulkan.h>
+
 #include "layer/memory/device_buffers.h"
 #include "layer/rules/rule.h"
 #include "layer/state/acceleration_structure.h"
-#include "layer/state/layer_objects.h"
 #include "layer/state/root_table.h"
 
 namespace vellum::layer
 {
+
+// VK_EXT_private_data of layer objects, whose handles the driver does not know.
+class PrivateData
+{
+public:
+    void set(VkPrivateDataSlot slot, uint64_t object, uint64_t value);
+    [[nodiscard]] uint64_t get(VkPrivateDataSlot slot, uint64_t object) const; // 0 if nothing was set
+    void forgetObject(uint64_t object);
+    void forgetSlot(VkPrivateDataSlot slot);
+
+private:
+    mutable std::mutex mutex_;
+    std::map<std::pair<uint64_t, VkPrivateDataSlot>, uint64_t> values_;
+};
 
 // Warnings of shaders and pipelines that do not declare their use of micromaps. They are wrong only where rays meet
 // micromaps, and many programs enable every feature and never build a micromap: a warning is kept until a bottom-level
@@ -39,6 +56,14 @@ private:
     std::mutex mutex_; // guards the next member, and used_ while it changes
     std::vector<std::pair<const char *, std::string>> kept_;
 };
+
+// Raises a maximum that several threads keep.
+inline void atomicMax(std::atomic<uint32_t> &greatest, uint32_t value)
+{
+    uint32_t seen = greatest.load();
+    while (seen < value && !greatest.compare_exchange_weak(seen, value)) {
+    }
+}
 
 struct DeviceState {
     Driver &driver;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/state/layer_objects.h"
+// Names, tags and private data of objects. The driver does not know layer objects; their names appear in the layer's
+// messages.
 
 #include "layer/base/commands.h"
 #include "layer/state/device_state.h"

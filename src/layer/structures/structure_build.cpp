@@ -9,7 +9,6 @@
 #include <string>
 
 #include "core/records.h"
-#include "layer/base/atomic_max.h"
 #include "layer/micromaps/device_micromaps.h"
 #include "layer/rules/builds.h"
 #include "layer/structures/device_structures.h"
