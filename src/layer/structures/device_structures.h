@@ -4,18 +4,45 @@
 #pragma once
 
 #include <memory>
+#include <mutex>
 #include <span>
 #include <vector>
 
+#include <vulkan/vulkan.h>
+
+#include "layer/memory/gpu_memory.h"
 #include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap_input.h"
-#include "layer/structures/fallback_structure.h"
 #include "layer/structures/structure_input.h"
 
 namespace vellum::layer
 {
 
 class InjectedWork;
+struct DeviceStructures;
+
+// Serialized data, beginning with the driver's UUIDs. The driver gets it in place of data that it must not see.
+struct FallbackStructure {
+    std::mutex mutex;    // held while it is made: every user needs the result
+    bool probed = false; // the probe was carried out, with whatever result
+    GpuBuffer memory;
+    uint32_t units = 0;              // of 16 bytes; 0: the driver could not serialize it
+    VkDeviceSize structureBytes = 0; // of the structure that it is deserialized to
+    // The driver serializes and deserializes as many bytes as the structure was created with.
+    bool wholeCopies = false;
+};
+
+// A snapshot of what is known of the fallback: a repeated probe may add to it.
+struct FallbackFacts {
+    VkDeviceAddress address = 0;     // of its bytes, which the host sees as `words`; 0 without a fallback
+    const uint32_t *words = nullptr; // lives as long as the device
+    uint32_t units = 0;
+    VkDeviceSize structureBytes = 0;
+    bool wholeCopies = false;
+};
+
+// Returns no fallback if the application did not enable acceleration structures, or has no queue that can build them.
+FallbackFacts fallbackStructure(DeviceStructures &device);
 
 // A back end records the builds and copies that structure_commands.cpp has checked. There are two: emulated micromaps
 // (emulated_backend.h), and VK_KHR_opacity_micromap on a driver's VK_EXT_opacity_micromap

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/structures/fallback_structure.h"
 
 #include <cstring>
 
