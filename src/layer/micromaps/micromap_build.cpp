@@ -153,8 +153,7 @@ uint32_t trianglesPerInvocation(const DeviceMicromaps &device, uint32_t triangle
         return std::clamp(triangles / 16384, 1u, 64u);
     // A workgroup of 64 takes lavapipe a microsecond, as a thousand triangles do. Four for each of its threads share
     // the work well enough.
-    const uint32_t invocations = 4 * 64 * std::min(device.driver.threads, 64u);
-    return std::max(triangles / invocations, 1u);
+    return std::max(triangles / enoughInvocations(device.driver), 1u);
 }
 
 // Prepares the pass in place, if the build can use it: the layer must know the buffers of the data and, if the build
