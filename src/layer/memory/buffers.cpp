@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-
+// Commands on buffers and memory. Usage flags that the driver does not know are removed, and addresses are kept.
 #include <vector>
 
 #include "layer/base/commands.h"

@@ -19,10 +19,6 @@
 namespace vellum::layer
 {
 
-struct DeviceBuffers;
-struct Driver;
-class Reporter;
-
 struct BufferInfo {
     VkDeviceSize size = 0;
     VkFlags64 usage = 0; // the driver's usage flags
@@ -46,7 +42,6 @@ struct DeviceBuffers {
     std::function<void(VkBuffer)> onAddress{};
 };
 
-// Commands on buffers and memory. Usage flags that the driver does not know are removed, and addresses are kept.
 // The usage flags for the driver if micromaps are emulated. The layer's shaders read the inputs and write the storage
 // of micromaps and acceleration structures by address, and copies of micromaps are buffer copies. Protected buffers and
 // those in tile memory, which can hold neither structures nor their inputs, get no additional usage, since theirs is

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-
+// A bottom-level structure of one triangle as the driver serializes it. It is made by a probe of the driver when it is
+// needed first.
 #include <cstring>
 
 #include "core/records.h"
