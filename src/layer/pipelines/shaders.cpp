@@ -235,9 +235,18 @@ VkResult createShaders(DevicePipelines &device, VkDevice handle, uint32_t count,
         info.pCode = code;
         return VK_SUCCESS;
     };
-    return createShadersBeforeFailure(own, shaders, prepare, [&](uint32_t prepared) {
-        return device.driver.next.CreateShadersEXT(handle, prepared, own.data(), allocator, shaders);
-    });
+    // The result is that of the first null object, so only those before one that fails here are created.
+    std::fill_n(shaders, count, nullptr);
+    VkResult failure = VK_SUCCESS;
+    uint32_t prepared = 0;
+    while (prepared < count && failure == VK_SUCCESS) {
+        failure = prepare(own[prepared]);
+        prepared += failure == VK_SUCCESS ? 1 : 0;
+    }
+    const VkResult result = prepared > 0
+                                ? device.driver.next.CreateShadersEXT(handle, prepared, own.data(), allocator, shaders)
+                                : VK_SUCCESS;
+    return result == VK_SUCCESS ? failure : result;
 }
 
 } // namespace vellum::layer

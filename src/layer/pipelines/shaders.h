@@ -121,21 +121,4 @@ VkResult createPrepared(std::span<Info> infos, const std::vector<VkResult> &prep
     });
 }
 
-// Creates shader objects. The result is that of the first null object, so only those before one that fails in `prepare`
-// are created. `create(count)` is the driver's command for the first `count`.
-template <typename Prepare, typename Create>
-VkResult createShadersBeforeFailure(std::span<VkShaderCreateInfoEXT> infos, VkShaderEXT *shaders, Prepare prepare,
-                                    Create create)
-{
-    std::fill_n(shaders, infos.size(), nullptr);
-    VkResult failure = VK_SUCCESS;
-    uint32_t count = 0;
-    while (count < infos.size() && failure == VK_SUCCESS) {
-        failure = prepare(infos[count]);
-        count += failure == VK_SUCCESS ? 1 : 0;
-    }
-    const VkResult result = count > 0 ? create(count) : VK_SUCCESS;
-    return result == VK_SUCCESS ? failure : result;
-}
-
 } // namespace vellum::layer
