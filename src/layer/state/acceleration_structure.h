@@ -19,7 +19,6 @@
 namespace vellum::layer
 {
 
-struct Driver;
 struct DeviceState;
 struct AccelerationStructure;
 class PlacedMicromaps; // khr_over_ext/placed_micromaps.h
@@ -53,6 +52,7 @@ inline VkDeviceAddress micromapAddress(const Driver &driver, const Micromap &mic
 // The locations of acceleration structures. What was built belongs to the location and not to a handle: an application
 // with its own allocator may create several handles for the same content, each as large as the rest of the buffer, and
 // destroy them in any order.
+//
 // The state shared by all acceleration structures that begin at the same location.
 struct StructureLocation {
     explicit StructureLocation(RootTable &table) : root(table) {}
