@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Translates copies of micromaps, and records those of other structures.
+// The back end without its builds (ext_builds.cpp): copies of micromaps are translated, those of other structures are
+// recorded as they are.
 #include <algorithm>
 #include <array>
 #include <string>
