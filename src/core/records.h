@@ -70,8 +70,6 @@ VELLUM_CONST uint kMicromapHeaderCompacted = 4u; // 1: a compacted copy
 // words 8, 9: total bytes; 10, 11: the least size of a micromap that it can be deserialized into; the rest 0
 VELLUM_CONST uint kSerializedMicromapHeaderWords = 16u;
 VELLUM_CONST uint kSerializedLayoutUuid = 4u;
-VELLUM_CONST uint kSerializedBytes = 8u;
-VELLUM_CONST uint kSerializedMicromapBytes = 10u;
 // Increment it with every change of the layout or meaning of micromap, triangle record or data, and kBlockVersion with
 // it.
 VELLUM_CONST uint kMicromapLayoutVersion = 3u;

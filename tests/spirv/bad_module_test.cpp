@@ -4,7 +4,7 @@
 #include "support.h"
 
 #include "spirv/module/micromap_mode.h"
-#include "spirv/module/words.h"
+#include "spirv/module/module.h"
 
 #include <gtest/gtest.h>
 

@@ -41,7 +41,7 @@ SUITE = "WrongPrograms"
 PAGE = "docs/messages.md"
 CAUSES = check_messages.TABLE
 # The commands of which the state of the command buffer is checked, and a row of them; and the commands that run shaders.
-COMMANDS, COMMAND = "src/layer/validation/rules/implicit_rules.h", re.compile(r'\{"(vkCmd\w+)", ')
+COMMANDS, COMMAND = "src/layer/validation/rules/rule_check.h", re.compile(r'\{"(vkCmd\w+)", ')
 RUNNING, RUNS = "src/layer/base/commands.inc", re.compile(
     r"^VELLUM_(?:(?:(?:RANGES_)?(?:DRAW|DISPATCH)|TRACE|SUBPASS_SHADING)\(|DEVICE\((?=CmdExecuteGenerated))(\w+),", re.M)
 COLUMNS = ["vuid", "extension", "where", "how", "without", "test"]

@@ -101,8 +101,8 @@ class CheckRules(unittest.TestCase):
         self.assertNotIn("vkRangeKHR", rules)
 
     def test_ids_that_are_put_together(self):
-        self.put("src/layer/validation/rules/implicit_rules.h", '{"vkCmdOne", kAll}, {"vkCmdTwo", kAll},')
-        self.put("src/layer/validation/rules/implicit_rules.cpp", 'say("-renderpass");\n')
+        self.put("src/layer/validation/rules/rule_check.h", '{"vkCmdOne", kAll}, {"vkCmdTwo", kAll},')
+        self.put("src/layer/validation/rules/rule_check.cpp", 'say("-renderpass");\n')
         self.put("src/layer/messages.csv", CAUSES + "VUID-*-renderpass,error,,Inside.,Record outside.\n")
         self.put("src/layer/validation/rules.csv", TABLE + "VUID-*-renderpass,all,host,state,passed on,Suite.Case\n")
         self.run_check("--write")

@@ -4,10 +4,11 @@
 #include <algorithm>
 #include <atomic>
 
+#include "layer/base/commands.h"
 #include "layer/base/pnext.h"
 #include "layer/base/undo.h"
 #include "layer/command_buffer/device_command_buffers.h"
-#include "layer/memory/buffers.h"
+#include "layer/memory/device_buffers.h"
 
 namespace vellum::layer
 {

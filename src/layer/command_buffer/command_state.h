@@ -109,25 +109,6 @@ private:
     std::unordered_map<VkCommandPool, std::unordered_set<VkCommandBuffer>> pools_;
 };
 
-VkResult allocateCommandBuffers(DeviceCommandBuffers &, VkDevice, const VkCommandBufferAllocateInfo *,
-                                VkCommandBuffer *);
-void freeCommandBuffers(DeviceCommandBuffers &, VkDevice, VkCommandPool, uint32_t, const VkCommandBuffer *);
-VkResult resetCommandBuffer(DeviceCommandBuffers &, VkCommandBuffer, VkCommandBufferResetFlags);
-VkResult resetCommandPool(DeviceCommandBuffers &, VkDevice, VkCommandPool, VkCommandPoolResetFlags);
-void trimCommandPool(DeviceCommandBuffers &, VkDevice, VkCommandPool, VkCommandPoolTrimFlags);
-void destroyCommandPool(DeviceCommandBuffers &, VkDevice, VkCommandPool, const VkAllocationCallbacks *);
-VkResult beginCommandBuffer(DeviceCommandBuffers &, VkCommandBuffer, const VkCommandBufferBeginInfo *);
-void cmdBindPipeline(DeviceCommandBuffers &, VkCommandBuffer, VkPipelineBindPoint, VkPipeline);
-void cmdBindShaders(DeviceCommandBuffers &, VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *,
-                    const VkShaderEXT *);
-void cmdPushConstants(DeviceCommandBuffers &, VkCommandBuffer, VkPipelineLayout, VkShaderStageFlags, uint32_t, uint32_t,
-                      const void *);
-void cmdPushConstants2(DeviceCommandBuffers &, VkCommandBuffer, const VkPushConstantsInfoKHR *);
 void cmdPushData(DeviceCommandBuffers &, VkCommandBuffer, const VkPushDataInfoEXT *);
-void cmdBindDescriptorBuffers(DeviceCommandBuffers &, VkCommandBuffer, uint32_t,
-                              const VkDescriptorBufferBindingInfoEXT *);
-void cmdExecuteCommands(DeviceCommandBuffers &, VkCommandBuffer, uint32_t, const VkCommandBuffer *);
-void cmdBeginConditionalRendering(DeviceCommandBuffers &, VkCommandBuffer, const VkConditionalRenderingBeginInfoEXT *);
-void cmdEndConditionalRendering(DeviceCommandBuffers &, VkCommandBuffer);
 
 } // namespace vellum::layer

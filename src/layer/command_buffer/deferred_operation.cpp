@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/command_buffer/deferred_operation.h"
 
+#include "layer/base/commands.h"
 #include "layer/command_buffer/device_command_buffers.h"
 
 namespace vellum::layer

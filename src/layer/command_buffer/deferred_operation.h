@@ -28,8 +28,4 @@ struct DeferredOperation {
     std::unique_ptr<DeferredWork> work; // null before the driver defers, and when finished
 };
 
-VkResult deferredOperationJoin(DeviceCommandBuffers &, VkDevice, VkDeferredOperationKHR);
-VkResult getDeferredOperationResult(DeviceCommandBuffers &, VkDevice, VkDeferredOperationKHR);
-void destroyDeferredOperation(DeviceCommandBuffers &, VkDevice, VkDeferredOperationKHR, const VkAllocationCallbacks *);
-
 } // namespace vellum::layer

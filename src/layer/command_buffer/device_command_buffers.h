@@ -25,6 +25,9 @@ struct DeviceCommandBuffers {
     ProbeQueue probes{};                   // destroyed first: unfinished probes may use the other members
 };
 
+// The stage that the driver gets in commands that take exactly one (synchronization.cpp).
+VkPipelineStageFlags2 driverStage(VkPipelineStageFlags2 stage);
+
 // A command after which shaders find descriptors in heaps, or in descriptor sets and descriptor buffers.
 template <auto command, bool heaps>
 struct DescriptorCommand;

@@ -1,19 +1,66 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/command_buffer/synchronization.h"
-
+// Commands that order memory accesses: those after which hit tables may have other content (hit_table_copies.h), and
+// those that take pipeline stages and accesses, of which the driver does not know those of micromap builds:
+// VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, VK_ACCESS_2_MICROMAP_READ/WRITE_BIT_EXT. They exist as 64-bit flags only.
 #include <algorithm>
 #include <deque>
 #include <vector>
 
+#include "layer/base/commands.h"
 #include "layer/base/pnext.h"
-#include "layer/command_buffer/address_barriers.h"
 #include "layer/command_buffer/device_command_buffers.h"
+#include "layer/input/checked.h"
+#include "layer/rules/address_ranges.h"
+#include "vellum/vulkan_opacity_micromap.h"
 #include "vk/newer.h"
 
 namespace vellum::layer
 {
 namespace
 {
+
+// A range barrier covers accesses to memory by any buffer or address. A memory barrier covers these and more, and is
+// allowed wherever a range barrier is.
+void addMemoryBarrier(const VkMemoryRangeBarrierKHR &range, std::vector<VkMemoryBarrier2> &memory)
+{
+    memory.push_back({VK_STRUCTURE_TYPE_MEMORY_BARRIER_2, nullptr, range.srcStageMask, range.srcAccessMask,
+                      range.dstStageMask, range.dstAccessMask});
+}
+
+// Memory is transferred to another queue family buffer by buffer: each buffer's part of the range.
+bool addTransfers(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
+                  const VkMemoryRangeBarrierKHR &range, std::vector<VkBufferMemoryBarrier2> &buffers)
+{
+    const auto locations = device.buffers.addresses.within(range.addressRange.address, range.addressRange.size);
+    for (const AddressMap::Location &location : locations) {
+        device.states.keep(commandBuffer, location.owner);
+        buffers.push_back({VK_STRUCTURE_TYPE_BUFFER_MEMORY_BARRIER_2, nullptr, range.srcStageMask, range.srcAccessMask,
+                           range.dstStageMask, range.dstAccessMask, range.srcQueueFamilyIndex,
+                           range.dstQueueFamilyIndex, location.buffer, location.offset, location.bytes});
+    }
+    return !locations.empty();
+}
+
+// Appends the range barriers of a dependency info (VK_KHR_device_address_commands) as memory and buffer barriers, which
+// every driver knows.
+void addRangeBarriers(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
+                      const VkMemoryRangeBarriersInfoKHR &info, std::vector<VkMemoryBarrier2> &memory,
+                      std::vector<VkBufferMemoryBarrier2> &buffers)
+{
+    const bool isReported = input::areRangesReported(commandBuffer);
+    for (uint32_t i = 0; i < info.memoryRangeBarrierCount; ++i) {
+        const VkMemoryRangeBarrierKHR &range = info.pMemoryRangeBarriers[i];
+        const bool transfer = range.srcQueueFamilyIndex != range.dstQueueFamilyIndex;
+        if (transfer && addTransfers(device, commandBuffer, range, buffers))
+            continue;
+        addMemoryBarrier(range, memory);
+        if (transfer && !isReported)
+            device.driver.report().error(
+                rules::kAnyRange.buffer,
+                "VkMemoryRangeBarrierKHR: addressRange is in no buffer; it is not transferred to the "
+                "other queue family");
+    }
+}
 
 // Micromaps are built by compute shaders and copied by transfers.
 VkPipelineStageFlags2 driverStages(VkPipelineStageFlags2 stages)
@@ -306,6 +353,7 @@ VkResult queueSubmit2(DeviceCommandBuffers &device, VkQueue queue, uint32_t coun
     return device.driver.next.QueueSubmit2(queue, count, own.data(), fence);
 }
 
+// Queue commands, which may use the queue of probes (driver_probe.h).
 VkResult queueBindSparse(DeviceCommandBuffers &device, VkQueue queue, uint32_t count, const VkBindSparseInfo *infos,
                          VkFence fence)
 {

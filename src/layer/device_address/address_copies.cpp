@@ -5,11 +5,10 @@
 #include <utility>
 #include <vector>
 
-#include "layer/command_buffer/synchronization.h"
+#include "layer/base/commands.h"
 #include "layer/device_address/address_lookup.h"
-#include "layer/device_address/device_address_commands.h"
 #include "layer/device_address/device_addresses.h"
-#include "layer/query_pool/query_pool.h"
+#include "layer/query_pool/device_query_pools.h"
 
 namespace vellum::layer
 {

@@ -1,30 +1,104 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/entry/commands.h"
-
+// The intercepted commands: which there are on an instance and on a device, as the functions that Vulkan calls.
 #include <algorithm>
 #include <array>
+#include <cstddef>
+#include <cstdio>
+#include <exception>
 #include <string_view>
+#include <type_traits>
 
-#include "layer/command_buffer/synchronization.h"
-#include "layer/entry/application_messages.h"
-#include "layer/entry/command.h"
-#include "layer/memory/buffers.h"
-#include "layer/micromaps/micromap.h"
-#include "layer/micromaps/micromap_build.h"
-#include "layer/micromaps/micromap_copy.h"
-#include "layer/micromaps/micromap_host.h"
-#include "layer/pipelines/binaries.h"
-#include "layer/pipelines/hit_records.h"
-#include "layer/pipelines/pipeline_creation.h"
-#include "layer/pipelines/shaders.h"
-#include "layer/state/object_names.h"
-#include "layer/structures/structure_commands.h"
+#include "layer/base/commands.h"
+#include "layer/entry/device.h"
 #include "layer/validation/commands.h"
+#include "layer/validation/rules/rule_check.h"
 
 namespace vellum::layer
 {
 namespace
 {
+
+// No exception crosses the Vulkan ABI. The layer throws none; the standard library does when memory runs out.
+template <typename Result, typename Function>
+Result guarded(Function function) noexcept
+{
+    try {
+        return function();
+    } catch (const std::exception &) {
+        std::fputs("vellum: VELLUM-out-of-memory: out of host memory; the command was not carried out\n", stderr);
+    }
+    if constexpr (std::is_same_v<Result, VkResult>)
+        return VK_ERROR_OUT_OF_HOST_MEMORY;
+    else if constexpr (!std::is_void_v<Result>)
+        return Result{};
+}
+
+// A function with the signature that Vulkan calls.
+template <auto function>
+struct Command;
+
+template <typename Result, typename First, typename... Others, Result(VKAPI_PTR *function)(First, Others...)>
+requires(!std::is_reference_v<First>) struct Command<function> {
+    static VKAPI_ATTR Result VKAPI_CALL call(First first, Others... others) noexcept
+    {
+        return guarded<Result>([&] { return function(first, others...); });
+    }
+};
+
+// A command of a subsystem. It gets the subsystem's part of the device.
+template <typename Result, typename Subsystem, typename Handle, typename... Arguments,
+          Result (*function)(Subsystem &, Handle, Arguments...)>
+struct Command<function> {
+    static VKAPI_ATTR Result VKAPI_CALL call(Handle handle, Arguments... arguments) noexcept
+    {
+        return guarded<Result>(
+            [&] { return function(subsystemOf<Subsystem>(deviceOf(handle)), handle, arguments...); });
+    }
+};
+
+// The name of a command, as an argument of a template.
+struct CommandName {
+    char text[64]{};
+    template <size_t size>
+    consteval CommandName(const char (&name)[size])
+    {
+        std::copy_n(name, size, text);
+    }
+};
+
+// A command as Vulkan calls it. It gets the validation of the device.
+template <CommandName name, auto function>
+struct Validated;
+
+template <CommandName name, typename Result, typename Handle, typename... Arguments,
+          Result (*function)(DeviceValidation &, Handle, Arguments...)>
+struct Validated<name, function> {
+    static VKAPI_ATTR Result VKAPI_CALL call(Handle handle, Arguments... arguments) noexcept
+    {
+        return guarded<Result>([&] {
+            DeviceValidation &device = *deviceOf(handle).validation;
+            constexpr VkQueueFlags kQueues = queuesOf(name.text);
+            if constexpr (kQueues != 0)
+                checkCommand(device, handle, name.text, kQueues);
+            return function(device, handle, arguments...);
+        });
+    }
+};
+
+// A command without function.
+constexpr std::nullptr_t none = nullptr;
+template <>
+struct Command<none> {
+};
+
+template <typename Called>
+PFN_vkVoidFunction functionOf()
+{
+    if constexpr (requires { &Called::call; })
+        return reinterpret_cast<PFN_vkVoidFunction>(&Called::call);
+    else
+        return nullptr;
+}
 
 // The instances or devices on which the layer intercepts a command.
 enum class Scope {

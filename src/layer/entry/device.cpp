@@ -12,12 +12,12 @@
 
 #include <vulkan/vk_layer.h>
 
+#include "layer/base/commands.h"
 #include "layer/base/undo.h"
-#include "layer/entry/commands.h"
 #include "layer/entry/device_info.h"
 #include "layer/entry/ray_tracing_extensions.h"
 #include "layer/entry/registry.h"
-#include "layer/khr_over_ext/ext_backend.h"
+#include "layer/khr_over_ext/device_khr_over_ext.h"
 #include "layer/structures/emulated_backend.h"
 
 namespace vellum::layer

@@ -56,8 +56,7 @@ Subsystem &subsystemOf(Device &device)
                                           device.translation, device.addresses));
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo *info,
-                                            const VkAllocationCallbacks *allocator, VkDevice *device);
-VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice device, const VkAllocationCallbacks *allocator);
+// As vkGetDeviceProcAddr, without validation: the implementation of micromaps, or the next layer.
+VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL implementationProcAddr(VkDevice device, const char *name);
 
 } // namespace vellum::layer

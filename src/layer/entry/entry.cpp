@@ -2,7 +2,7 @@
 // The entry point of the layer: the negotiation with the loader.
 #include <vulkan/vk_layer.h>
 
-#include "layer/entry/commands.h"
+#include "layer/base/commands.h"
 
 extern "C" __attribute__((visibility("default"))) VKAPI_ATTR VkResult VKAPI_CALL
 vkNegotiateLoaderLayerInterfaceVersion(VkNegotiateLayerInterface *interface)

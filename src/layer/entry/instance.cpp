@@ -11,13 +11,14 @@
 
 #include "core/curve.h"
 #include "core/records.h"
+#include "layer/base/commands.h"
 #include "layer/base/pnext.h"
 #include "layer/base/setting_names.h"
 #include "layer/base/system.h"
 #include "layer/base/undo.h"
 #include "layer/entry/device.h"
 #include "layer/entry/ray_tracing_extensions.h"
-#include "layer/memory/buffers.h"
+#include "layer/memory/device_buffers.h"
 #include "layer/micromaps/micromap_input.h"
 #include "layer/pipelines/binaries.h"
 #include "layer/pipelines/module_identifiers.h"
@@ -347,6 +348,36 @@ VKAPI_ATTR void VKAPI_CALL destroyDebugUtilsMessenger(VkInstance handle, VkDebug
     Instance &instance = instanceOf(handle);
     instance.report.removeMessenger(messenger);
     instance.next.DestroyDebugUtilsMessengerEXT(handle, messenger, allocator);
+}
+
+// Messages that the application sends, by VK_EXT_debug_utils and VK_EXT_debug_report. They may name objects of the
+// layer, which the driver does not know.
+VKAPI_ATTR void VKAPI_CALL submitDebugUtilsMessage(VkInstance handle, VkDebugUtilsMessageSeverityFlagBitsEXT severity,
+                                                   VkDebugUtilsMessageTypeFlagsEXT types,
+                                                   const VkDebugUtilsMessengerCallbackDataEXT *data)
+{
+    Instance &instance = instanceOf(handle);
+    // Layers below may look objects up by their types. The application's messengers, which are below, still get them.
+    std::vector<VkDebugUtilsObjectNameInfoEXT> objects(data->pObjects, data->pObjects + data->objectCount);
+    for (VkDebugUtilsObjectNameInfoEXT &object : objects) {
+        if (isLayerObject(instance, object.objectType, object.objectHandle))
+            object.objectType = VK_OBJECT_TYPE_UNKNOWN;
+    }
+    VkDebugUtilsMessengerCallbackDataEXT own = *data;
+    own.pObjects = objects.data();
+    instance.next.SubmitDebugUtilsMessageEXT(handle, severity, types, &own);
+}
+
+VKAPI_ATTR void VKAPI_CALL debugReportMessage(VkInstance handle, VkDebugReportFlagsEXT flags,
+                                              VkDebugReportObjectTypeEXT type, uint64_t object, size_t location,
+                                              int32_t code, const char *prefix, const char *message)
+{
+    Instance &instance = instanceOf(handle);
+    // VkDebugReportObjectTypeEXT has no value for VkMicromapEXT. For acceleration structures it has the number of
+    // VkObjectType.
+    if (isLayerObject(instance, static_cast<VkObjectType>(type), object))
+        type = VK_DEBUG_REPORT_OBJECT_TYPE_UNKNOWN_EXT;
+    instance.next.DebugReportMessageEXT(handle, flags, type, object, location, code, prefix, message);
 }
 
 } // namespace vellum::layer

@@ -45,25 +45,8 @@ Instance &instanceOf(DispatchableHandle handle)
 
 VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
                                               VkInstance *instance);
-VKAPI_ATTR void VKAPI_CALL destroyInstance(VkInstance instance, const VkAllocationCallbacks *allocator);
 VKAPI_ATTR VkResult VKAPI_CALL enumerateInstanceLayerProperties(uint32_t *count, VkLayerProperties *properties);
 VKAPI_ATTR VkResult VKAPI_CALL enumerateInstanceExtensionProperties(const char *layer, uint32_t *count,
                                                                     VkExtensionProperties *properties);
-VKAPI_ATTR VkResult VKAPI_CALL enumerateDeviceExtensionProperties(VkPhysicalDevice device, const char *layer,
-                                                                  uint32_t *count, VkExtensionProperties *properties);
-VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, VkPhysicalDeviceFeatures2 *features);
-VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
-                                                        VkPhysicalDeviceProperties2 *properties);
-VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceExternalBufferProperties(VkPhysicalDevice device,
-                                                                     const VkPhysicalDeviceExternalBufferInfo *info,
-                                                                     VkExternalBufferProperties *properties);
-VKAPI_ATTR VkResult VKAPI_CALL getPhysicalDeviceToolProperties(VkPhysicalDevice device, uint32_t *count,
-                                                               VkPhysicalDeviceToolProperties *properties);
-VKAPI_ATTR VkResult VKAPI_CALL createDebugUtilsMessenger(VkInstance instance,
-                                                         const VkDebugUtilsMessengerCreateInfoEXT *info,
-                                                         const VkAllocationCallbacks *allocator,
-                                                         VkDebugUtilsMessengerEXT *messenger);
-VKAPI_ATTR void VKAPI_CALL destroyDebugUtilsMessenger(VkInstance instance, VkDebugUtilsMessengerEXT messenger,
-                                                      const VkAllocationCallbacks *allocator);
 
 } // namespace vellum::layer

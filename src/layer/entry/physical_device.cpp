@@ -7,7 +7,7 @@
 #include <iterator>
 
 #include "layer/entry/instance.h"
-#include "layer/memory/fixed_memory.h"
+#include "layer/memory/kept_addresses.h"
 
 namespace vellum::layer
 {

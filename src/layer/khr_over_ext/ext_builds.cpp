@@ -6,9 +6,8 @@
 
 #include "layer/command_buffer/injected_work.h"
 #include "layer/khr_over_ext/device_khr_over_ext.h"
-#include "layer/khr_over_ext/ext_backend.h"
 #include "layer/khr_over_ext/placed_micromaps.h"
-#include "layer/structures/driver_builds.h"
+#include "layer/structures/structure_input.h"
 
 namespace vellum::layer
 {

@@ -14,7 +14,7 @@
 namespace vellum::layer
 {
 
-class DriverBuffer; // memory/driver_buffer.h
+class DriverBuffer; // memory/buffers.cpp
 
 class AddressMap
 {

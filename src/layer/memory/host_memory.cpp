@@ -4,8 +4,8 @@
 #include <cstring>
 #include <utility>
 
+#include "layer/base/commands.h"
 #include "layer/base/pnext.h"
-#include "layer/memory/buffers.h"
 #include "layer/memory/device_buffers.h"
 
 namespace vellum::layer

@@ -102,14 +102,7 @@ private:
     uint8_t *bytes_ = nullptr;
 };
 
-void freeMemory(DeviceBuffers &, VkDevice, VkDeviceMemory, const VkAllocationCallbacks *);
-VkResult bindBufferMemory(DeviceBuffers &, VkDevice, VkBuffer, VkDeviceMemory, VkDeviceSize);
 // Returns whether one of several bindings succeeded: some may do so although the command fails (VK_KHR_maintenance6).
 bool isBound(const VkBindBufferMemoryInfo &info, VkResult ofAll);
-VkResult bindBufferMemory2(DeviceBuffers &, VkDevice, uint32_t, const VkBindBufferMemoryInfo *);
-VkResult mapMemory(DeviceBuffers &, VkDevice, VkDeviceMemory, VkDeviceSize, VkDeviceSize, VkMemoryMapFlags, void **);
-void unmapMemory(DeviceBuffers &, VkDevice, VkDeviceMemory);
-VkResult mapMemory2(DeviceBuffers &, VkDevice, const VkMemoryMapInfoKHR *, void **);
-VkResult unmapMemory2(DeviceBuffers &, VkDevice, const VkMemoryUnmapInfoKHR *);
 
 } // namespace vellum::layer

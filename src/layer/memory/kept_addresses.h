@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The addresses of the layer's tables in an earlier run. A file keeps them, so that the tables can get the same
-// addresses again (bufferDeviceAddressCaptureReplay). On a GPU, rewritten shaders then have the same words in every
-// run, as with FixedMemory on a CPU. Nothing else depends on it: if the file cannot be read, or an address cannot be
-// had again, the table gets another address, which is kept instead.
+// The addresses of the layer's tables, the same in every run where that is possible.
+//
+// Rewritten shaders contain the addresses as constants, and a driver's caches identify shaders by their words: with the
+// same addresses the next run finds the pipelines of this one. Nothing else depends on it. If an address cannot be had,
+// the table gets another one, and other words are only other keys.
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 
@@ -14,6 +16,31 @@
 namespace vellum::layer
 {
 
+// Host memory at a fixed address, for devices whose device addresses are host addresses, as on a CPU. If an address is
+// taken, by another device of the process or by anything else, the next one is tried.
+class FixedMemory
+{
+public:
+    FixedMemory() = default;
+    ~FixedMemory();
+    FixedMemory(const FixedMemory &) = delete;
+    FixedMemory &operator=(const FixedMemory &) = delete;
+
+    static constexpr size_t kAlignment = 65536; // of addresses, and of sizes
+    static constexpr size_t kMostBytes = size_t{1} << 24;
+
+    // Reserves at most kMostBytes, zeroed. Returns false if none of the addresses is free.
+    bool reserve(size_t bytes);
+    // Null before reserve() succeeded.
+    [[nodiscard]] std::byte *data() const { return data_; }
+
+private:
+    std::byte *data_ = nullptr;
+    size_t bytes_ = 0;
+};
+
+// The addresses of an earlier run. A file keeps them, so that the tables can get the same ones again
+// (bufferDeviceAddressCaptureReplay), as on a GPU. Where they get others, these are kept instead.
 class KeptAddresses
 {
 public:

@@ -1,18 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/micromaps/micromap_build.h"
-
+// Builds of micromaps on the device, and the commands of VK_EXT_opacity_micromap that create and build them; those of
+// VK_KHR_opacity_micromap are in structures/structure_commands.cpp.
 #include <algorithm>
 #include <cstring>
+#include <new>
+#include <string>
 #include <vector>
 
 #include "core/align.h"
 #include "core/curve.h"
 #include "core/micromap.h"
 #include "core/records.h"
+#include "layer/base/commands.h"
 #include "layer/input/checked.h"
 #include "layer/micromaps/device_micromaps.h"
-#include "layer/micromaps/micromap.h"
 #include "layer/rules/builds.h"
+#include "layer/rules/creations.h"
 
 namespace vellum::layer
 {
@@ -150,8 +153,7 @@ uint32_t trianglesPerInvocation(const DeviceMicromaps &device, uint32_t triangle
         return std::clamp(triangles / 16384, 1u, 64u);
     // A workgroup of 64 takes lavapipe a microsecond, as a thousand triangles do. Four for each of its threads share
     // the work well enough.
-    const uint32_t invocations = 4 * 64 * std::min(device.driver.threads, 64u);
-    return std::max(triangles / invocations, 1u);
+    return std::max(triangles / enoughInvocations(device.driver), 1u);
 }
 
 // Prepares the pass in place, if the build can use it: the layer must know the buffers of the data and, if the build
@@ -402,6 +404,44 @@ void cmdBuildMicromaps(DeviceMicromaps &device, VkCommandBuffer commandBuffer, u
             accepted.emplace_back(micromapBuildOf(given)).target = *micromapOf(infos[given.element].dstMicromap);
     }
     recordMicromapBuilds(device, commandBuffer, accepted);
+}
+
+VkResult createMicromap(DeviceMicromaps &device, VkDevice, const VkMicromapCreateInfoEXT *info,
+                        const VkAllocationCallbacks *, VkMicromapEXT *micromap)
+{
+    const VkDeviceSize bufferSize = device.buffers.infos.get(info->buffer).size;
+    const auto creation = input::Checked<input::Creation>::take(info, [&] {
+        const Place command("vkCreateMicromapEXT");
+        const Place place = command.member("pCreateInfo");
+        return rules::checkCreation(InputCheck(device.objects.rules, place, info->buffer), *info, bufferSize);
+    });
+    if (!creation.accepted)
+        return VK_ERROR_VALIDATION_FAILED_EXT;
+    const bool replayable = creation.replays && device.driver.enabled.captureReplay;
+    // The address of a micromap follows from that of its buffer, which the driver replays.
+    if (replayable && info->deviceAddress != 0 &&
+        info->deviceAddress != device.driver.bufferAddress(info->buffer) + info->offset) {
+        device.driver.report().error(
+            "VELLUM-micromap-replay",
+            "vkCreateMicromapEXT: the buffer is not at the address that it had at the time of capture");
+        return VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS;
+    }
+    auto *object = new (std::nothrow)
+        Micromap{info->buffer, info->offset, std::min(info->size, bufferSize - std::min(info->offset, bufferSize)), {}};
+    if (!object)
+        return VK_ERROR_OUT_OF_HOST_MEMORY;
+    *micromap = reinterpret_cast<VkMicromapEXT>(object);
+    object->object.handle = reinterpret_cast<uint64_t>(*micromap);
+    return VK_SUCCESS;
+}
+
+void destroyMicromap(DeviceMicromaps &device, VkDevice, VkMicromapEXT micromap, const VkAllocationCallbacks *)
+{
+    if (micromap) {
+        device.objects.privateData.forgetObject(reinterpret_cast<uint64_t>(micromap));
+        device.driver.report().setName(reinterpret_cast<uint64_t>(micromap), "");
+    }
+    delete micromapOf(micromap);
 }
 
 } // namespace vellum::layer

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/micromaps/micromap_compaction.h"
-
+// Compaction of micromaps on the device (core/compaction.h): by queries of the compacted size and by compacting copies.
+// Builds leave data in place; which triangles share data is found out here, and again for each query and copy, with the
+// same result. The micromap itself is only read, so commands on other queues may use it at the same time.
 #include <algorithm>
 #include <vector>
 
+#include "core/align.h"
 #include "core/compaction.h"
 #include "core/records.h"
 #include "layer/micromaps/device_micromaps.h"
-#include "layer/micromaps/micromap_extent.h"
 
 namespace vellum::layer
 {
@@ -40,9 +41,7 @@ MicromapCompactPush pushOf(DeviceMicromaps &device, const Micromap &source, cons
     push.partCapacity = static_cast<uint32_t>(
         std::min<VkDeviceSize>(bound.bytes / (VkDeviceSize{kPartUnits} * kDataUnitBytes), kMostSharing));
     push.root = device.objects.root.address();
-    // Enough to keep a GPU busy, or four workgroups for each thread of a CPU.
-    const uint32_t most = device.driver.threads == 0 ? 1u << 16 : 4u * 64u * std::min(device.driver.threads, 64u);
-    push.invocations = std::clamp((push.most + 127) / 128 * 128, 128u, most);
+    push.invocations = std::clamp(alignUp(push.most, 128), 128u, enoughInvocations(device.driver));
     return push;
 }
 

@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/micromaps/micromap_copy.h"
-
+// Copies of micromaps on the device, queries of their properties, and the commands of VK_EXT_opacity_micromap for them;
+// those of VK_KHR_opacity_micromap are in structures/structure_commands.cpp.
+//
+// A micromap is self-contained, and nothing in it depends on its location, so a clone copies bytes. Only the device
+// knows how many are in use: a handle may be larger than what was built there, and other data may follow it.
 #include <algorithm>
 #include <cstring>
 #include <string>
 
+#include "core/align.h"
 #include "core/records.h"
+#include "layer/base/commands.h"
 #include "layer/micromaps/device_micromaps.h"
-#include "layer/micromaps/micromap.h"
-#include "layer/micromaps/micromap_input.h"
-#include "layer/micromaps/micromap_serialized.h"
 #include "layer/rules/copies.h"
 
 namespace vellum::layer
@@ -34,9 +36,8 @@ void move(InjectedWork &work, const Driver &driver, MicromapMovePush push)
 {
     const uint64_t units = push.micromapBytes / kDataUnitBytes;
     const uint64_t invocations = (units + kMoveUnitsPerInvocation - 1) / kMoveUnitsPerInvocation;
-    // Enough to keep a GPU busy, or four workgroups for each thread of a CPU.
-    const uint64_t most = driver.threads == 0 ? 1u << 16 : 4u * 64u * std::min(driver.threads, 64u);
-    push.invocations = static_cast<uint32_t>(std::clamp<uint64_t>((invocations + 63) / 64 * 64, 64, most));
+    push.invocations =
+        static_cast<uint32_t>(std::clamp<uint64_t>(alignUp(invocations, 64), 64, enoughInvocations(driver)));
     work.barrier();
     work.dispatch(InjectedShader::MicromapMove, push, push.invocations, 64);
     work.barrier(true);

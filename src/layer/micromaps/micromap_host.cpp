@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/micromaps/micromap_host.h"
-
+// The host commands of micromaps (feature micromapHostCommands). They write what the device would
+// (core/micromap_memory.h). A deferred operation is carried out at once, and the commands return
+// VK_OPERATION_NOT_DEFERRED_KHR.
 #include <algorithm>
 #include <cstring>
 #include <optional>
 
 #include "core/micromap_memory.h"
+#include "layer/base/commands.h"
 #include "layer/input/checked.h"
 #include "layer/micromaps/device_micromaps.h"
-#include "layer/micromaps/micromap_input.h"
-#include "layer/micromaps/micromap_serialized.h"
 #include "layer/rules/builds.h"
 #include "layer/rules/copies.h"
 #include "layer/rules/ids.h"

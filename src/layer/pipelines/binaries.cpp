@@ -12,12 +12,12 @@
 
 #include "core/hash.h"
 #include "core/ray_flags.h"
+#include "layer/base/commands.h"
 #include "layer/base/undo.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/module_identifiers.h"
 #include "layer/pipelines/pipeline_creation.h"
-#include "layer/pipelines/pipeline_flags.h"
 #include "layer/pipelines/shaders.h"
 
 namespace vellum::layer

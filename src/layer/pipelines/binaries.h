@@ -37,8 +37,6 @@ static_assert(sizeof(ShaderBinaryHeader) == 32); // keeps the alignment of 16 by
 // The header of this device's binaries of shader objects.
 ShaderBinaryHeader shaderBinaryHeader(DevicePipelines &device);
 
-VkResult getShaderBinaryData(DevicePipelines &, VkDevice, VkShaderEXT, size_t *, void *);
-
 // --- pipelines ---
 
 // The binaries that a pipeline is created from, or null. The code of its stages is ignored then, and may be missing.
@@ -47,12 +45,5 @@ const VkPipelineBinaryInfoKHR *binariesOf(const void *pNext);
 // How hidden ray flags are passed in the ray tracing pipeline that the binaries come from. They are passed in the same
 // way in one that is created from the binaries.
 HiddenInBinary hiddenFlagsIn(const DevicePipelines &device, const VkPipelineBinaryInfoKHR &info);
-
-VkResult createPipelineBinaries(DevicePipelines &, VkDevice, const VkPipelineBinaryCreateInfoKHR *,
-                                const VkAllocationCallbacks *, VkPipelineBinaryHandlesInfoKHR *);
-void destroyPipelineBinary(DevicePipelines &, VkDevice, VkPipelineBinaryKHR, const VkAllocationCallbacks *);
-VkResult getPipelineKey(DevicePipelines &, VkDevice, const VkPipelineCreateInfoKHR *, VkPipelineBinaryKeyKHR *);
-VkResult getPipelineBinaryData(DevicePipelines &, VkDevice, const VkPipelineBinaryDataInfoKHR *,
-                               VkPipelineBinaryKeyKHR *, size_t *, void *);
 
 } // namespace vellum::layer

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/pipelines/hit_records.h"
-
+// vkCmdTraceRays*: hits through a null hit record, or beyond the end of the hit table, still look up micromaps.
+// Pipelines that use micromaps trace with a copy of the table in which a hit record of the layer replaces these.
 #include <algorithm>
 #include <memory>
 
+#include "layer/base/commands.h"
 #include "layer/pipelines/device_pipelines.h"
 
 namespace vellum::layer
@@ -70,7 +71,7 @@ bool run(InjectedWork &work, const shared::HitRecordsPush &push, uint64_t thread
 }
 
 // Writes the copy of a table: its records and up to `reached` ones, with the layer's record in place of null ones.
-bool write(DevicePipelines &device, VkCommandBuffer commandBuffer, const Region &table,
+bool write(DevicePipelines &device, VkCommandBuffer commandBuffer, const CommandState &state, const Region &table,
            const HitTableCopies::Copy &copy, uint64_t reached, shared::HitRecordsPush push)
 {
     push.source = table.deviceAddress;
@@ -83,8 +84,7 @@ bool write(DevicePipelines &device, VkCommandBuffer commandBuffer, const Region 
     InjectedWork work(device.commands, commandBuffer);
     // Another execution of a command buffer with SIMULTANEOUS_USE may trace with the copy meanwhile. The shader writes
     // each word once, the driver also null records.
-    const bool transfers =
-        table.size >= kLeastTransfer && device.commands.states.get(commandBuffer)->hitTables.isShared();
+    const bool transfers = table.size >= kLeastTransfer && state.hitTables.isShared();
     const AddressMap::Location source =
         transfers ? device.buffers.addresses.covering(table.deviceAddress, table.size, VK_BUFFER_USAGE_TRANSFER_SRC_BIT)
                   : AddressMap::Location{};
@@ -151,7 +151,7 @@ Region driverTable(DevicePipelines &device, VkCommandBuffer commandBuffer, const
     const Region region{copy.address, table.stride, copy.bytes};
     if (copy.isCurrent)
         return region;
-    if (write(device, commandBuffer, table, copy, reached, push))
+    if (write(device, commandBuffer, *state, table, copy, reached, push))
         return region;
     state->hitTables.forget();
     return table;

@@ -7,6 +7,7 @@
 #include <span>
 
 #include "core/hash.h"
+#include "layer/base/commands.h"
 #include "layer/pipelines/binaries.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"

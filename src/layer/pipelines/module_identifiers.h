@@ -105,8 +105,4 @@ private:
     bool hidden_ = false;          // an identifier is behind a structure of unknown size
 };
 
-void getShaderModuleIdentifier(DevicePipelines &, VkDevice, VkShaderModule, VkShaderModuleIdentifierEXT *);
-void getShaderModuleCreateInfoIdentifier(DevicePipelines &, VkDevice, const VkShaderModuleCreateInfo *,
-                                         VkShaderModuleIdentifierEXT *);
-
 } // namespace vellum::layer

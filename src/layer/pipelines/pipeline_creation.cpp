@@ -5,9 +5,9 @@
 #include <optional>
 #include <span>
 
+#include "layer/base/commands.h"
 #include "layer/input/checked.h"
 #include "layer/pipelines/binaries.h"
-#include "layer/pipelines/pipeline_flags.h"
 #include "layer/pipelines/shaders.h"
 #include "layer/rules/creations.h"
 

@@ -93,9 +93,6 @@ private:
     std::deque<Feedback> feedback_;
 };
 
-VkResult createRayTracingPipelines(DevicePipelines &, VkDevice, VkDeferredOperationKHR, VkPipelineCache, uint32_t,
-                                   const VkRayTracingPipelineCreateInfoKHR *, const VkAllocationCallbacks *,
-                                   VkPipeline *);
 // Calls `use` with the driver's create info. VK_PIPELINE_COMPILE_REQUIRED if code that must be rewritten is missing.
 VkResult
 withDriverInfo(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,

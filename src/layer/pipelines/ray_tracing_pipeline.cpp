@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <array>
 
-#include "layer/base/atomic_max.h"
+#include "layer/base/commands.h"
+#include "layer/base/pipeline_info.h"
 #include "layer/base/pnext.h"
 #include "layer/pipelines/device_pipelines.h"
-#include "layer/pipelines/pipeline_flags.h"
 
 namespace vellum::layer
 {

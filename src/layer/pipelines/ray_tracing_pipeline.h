@@ -66,11 +66,5 @@ bool checkFlagTransport(DevicePipelines &device, const VkRayTracingPipelineCreat
 void writeStandIn(DevicePipelines &device, VkPipeline pipeline, RayTracingPipeline &record);
 // Measures the stacks of the layer's any-hit shaders. `groups`: those of the driver's pipeline that have one.
 void measureStacks(DevicePipelines &device, VkPipeline pipeline, const std::vector<uint32_t> &groups);
-void destroyPipeline(DevicePipelines &, VkDevice, VkPipeline, const VkAllocationCallbacks *);
-VkResult getShaderGroupHandles(DevicePipelines &, VkDevice, VkPipeline, uint32_t, uint32_t, size_t, void *);
-VkResult getCaptureReplayShaderGroupHandles(DevicePipelines &, VkDevice, VkPipeline, uint32_t, uint32_t, size_t,
-                                            void *);
-VkDeviceSize getShaderGroupStackSize(DevicePipelines &, VkDevice, VkPipeline, uint32_t, VkShaderGroupShaderKHR);
-void cmdSetRayTracingPipelineStackSize(DevicePipelines &, VkCommandBuffer, uint32_t);
 
 } // namespace vellum::layer

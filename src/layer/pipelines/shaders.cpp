@@ -3,7 +3,10 @@
 
 #include <cstring>
 #include <memory>
+#include <string>
 
+#include "layer/base/commands.h"
+#include "layer/base/driver.h"
 #include "layer/base/undo.h"
 #include "layer/input/checked.h"
 #include "layer/pipelines/binaries.h"
@@ -13,6 +16,40 @@
 
 namespace vellum::layer
 {
+
+VkFlags64 unknownPipelineFlags(const Driver &driver)
+{
+    if (driver.emulated())
+        return kMicromapPipelineFlags;
+    if (!driver.translated())
+        return 0;
+    return VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR |
+           (driver.enabled.pipelineMicromaps ? 0 : VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM);
+}
+
+bool changePipelineFlags(const Driver &driver, const void *&pNext, VkPipelineCreateFlags &flags, VkFlags64 removed,
+                         VkFlags64 added, std::deque<Chain> &chains, const char *command)
+{
+    // Also if VkPipelineCreateFlags2CreateInfo replaces them: a driver may reject unknown flags nevertheless.
+    flags = static_cast<VkPipelineCreateFlags>((flags & ~removed) | added);
+    const auto *flags2 = findInChain<VkPipelineCreateFlags2CreateInfoKHR>(
+        pNext, VK_STRUCTURE_TYPE_PIPELINE_CREATE_FLAGS_2_CREATE_INFO_KHR);
+    if (!flags2 || flags2->flags == ((flags2->flags & ~removed) | added))
+        return true;
+    Chain &chain = chains.emplace_back(pNext);
+    auto *own =
+        chain.edit<VkPipelineCreateFlags2CreateInfoKHR>(VK_STRUCTURE_TYPE_PIPELINE_CREATE_FLAGS_2_CREATE_INFO_KHR);
+    if (!own) {
+        driver.report().error("VELLUM-pipeline-flags",
+                              std::string(command) + ": VkPipelineCreateFlags2CreateInfo, whose flags the driver must "
+                                                     "not get as they are, is behind a structure of unknown size");
+        return false;
+    }
+    own->flags = (own->flags & ~removed) | added;
+    pNext = chain.head();
+    return true;
+}
+
 namespace
 {
 
@@ -198,9 +235,18 @@ VkResult createShaders(DevicePipelines &device, VkDevice handle, uint32_t count,
         info.pCode = code;
         return VK_SUCCESS;
     };
-    return createShadersBeforeFailure(own, shaders, prepare, [&](uint32_t prepared) {
-        return device.driver.next.CreateShadersEXT(handle, prepared, own.data(), allocator, shaders);
-    });
+    // The result is that of the first null object, so only those before one that fails here are created.
+    std::fill_n(shaders, count, nullptr);
+    VkResult failure = VK_SUCCESS;
+    uint32_t prepared = 0;
+    while (prepared < count && failure == VK_SUCCESS) {
+        failure = prepare(own[prepared]);
+        prepared += failure == VK_SUCCESS ? 1 : 0;
+    }
+    const VkResult result = prepared > 0
+                                ? device.driver.next.CreateShadersEXT(handle, prepared, own.data(), allocator, shaders)
+                                : VK_SUCCESS;
+    return result == VK_SUCCESS ? failure : result;
 }
 
 } // namespace vellum::layer

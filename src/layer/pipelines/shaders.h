@@ -9,16 +9,30 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/base/pipeline_info.h"
 #include "layer/base/pnext.h"
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/module_identifiers.h"
-#include "layer/pipelines/pipeline_flags.h"
 #include "vk/newer.h"
 
 namespace vellum::layer
 {
 
 struct DevicePipelines;
+struct Driver;
+
+// All flags of pipelines about opacity micromaps. Only the first changes what the layer does; the others are promises.
+inline constexpr VkFlags64 kMicromapPipelineFlags =
+    VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT | VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM |
+    VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
+
+// The flags of kMicromapPipelineFlags that the driver does not know.
+VkFlags64 unknownPipelineFlags(const Driver &driver);
+
+// Removes and adds flags in a create info, with a copy of its VkPipelineCreateFlags2CreateInfo in `chains` if that
+// changes. Returns false and reports an error if that structure is behind one of unknown size.
+bool changePipelineFlags(const Driver &driver, const void *&pNext, VkPipelineCreateFlags &flags, VkFlags64 removed,
+                         VkFlags64 added, std::deque<Chain> &chains, const char *command);
 
 // Owns all that the create info of a compute or graphics pipeline points to once it is one for the driver.
 class DriverPipelineInfo
@@ -41,18 +55,6 @@ private:
     std::vector<VkGraphicsShaderGroupCreateInfoNV> groups_;
     std::deque<Chain> chains_;
 };
-
-VkResult createShaderModule(DevicePipelines &, VkDevice, const VkShaderModuleCreateInfo *,
-                            const VkAllocationCallbacks *, VkShaderModule *);
-void destroyShaderModule(DevicePipelines &, VkDevice, VkShaderModule, const VkAllocationCallbacks *);
-VkResult createComputePipelines(DevicePipelines &, VkDevice, VkPipelineCache, uint32_t,
-                                const VkComputePipelineCreateInfo *, const VkAllocationCallbacks *, VkPipeline *);
-void getPipelineIndirectMemoryRequirements(DevicePipelines &, VkDevice, const VkComputePipelineCreateInfo *,
-                                           VkMemoryRequirements2 *);
-VkResult createGraphicsPipelines(DevicePipelines &, VkDevice, VkPipelineCache, uint32_t,
-                                 const VkGraphicsPipelineCreateInfo *, const VkAllocationCallbacks *, VkPipeline *);
-VkResult createShaders(DevicePipelines &, VkDevice, uint32_t, const VkShaderCreateInfoEXT *,
-                       const VkAllocationCallbacks *, VkShaderEXT *);
 
 // --- commands that create several objects. A pipeline that fails does not keep the command from creating the others,
 // unless it has EARLY_RETURN_ON_FAILURE (Vulkan, "Multiple Pipeline Creation") ---
@@ -117,23 +119,6 @@ VkResult createPrepared(std::span<Info> infos, const std::vector<VkResult> &prep
     return createEach(infos, pipelines, [&](size_t i, const Info &info, VkPipeline &pipeline) {
         return prepared[i] == VK_SUCCESS ? create(1u, &info, &pipeline) : prepared[i];
     });
-}
-
-// Creates shader objects. The result is that of the first null object, so only those before one that fails in `prepare`
-// are created. `create(count)` is the driver's command for the first `count`.
-template <typename Prepare, typename Create>
-VkResult createShadersBeforeFailure(std::span<VkShaderCreateInfoEXT> infos, VkShaderEXT *shaders, Prepare prepare,
-                                    Create create)
-{
-    std::fill_n(shaders, infos.size(), nullptr);
-    VkResult failure = VK_SUCCESS;
-    uint32_t count = 0;
-    while (count < infos.size() && failure == VK_SUCCESS) {
-        failure = prepare(infos[count]);
-        count += failure == VK_SUCCESS ? 1 : 0;
-    }
-    const VkResult result = count > 0 ? create(count) : VK_SUCCESS;
-    return result == VK_SUCCESS ? failure : result;
 }
 
 } // namespace vellum::layer

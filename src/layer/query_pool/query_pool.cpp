@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/query_pool/query_pool.h"
-
 #include <algorithm>
 #include <chrono>
 #include <cstring>
@@ -12,9 +10,10 @@
 #include <vector>
 
 #include "core/records.h"
+#include "layer/base/commands.h"
 #include "layer/base/undo.h"
 #include "layer/input/checked.h"
-#include "layer/micromaps/micromap_copy.h"
+#include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap_input.h"
 #include "layer/query_pool/device_query_pools.h"
 #include "layer/rules/copies.h"

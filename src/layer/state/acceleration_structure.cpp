@@ -3,11 +3,10 @@
 
 #include <algorithm>
 #include <atomic>
-#include <string>
+#include <iterator>
 #include <utility>
 
 #include "core/records.h"
-#include "layer/rules/ids.h"
 #include "layer/state/device_state.h"
 
 namespace vellum::layer
@@ -16,51 +15,6 @@ namespace
 {
 
 using namespace shared;
-
-struct GpuError {
-    const char *id;
-    const char *text;
-};
-
-// In the order of kGpuError*.
-constexpr GpuError kGpuErrorTexts[kGpuErrors] = {
-    {rules::ids::kCompatible,
-     "vkCmdCopyMemoryToAccelerationStructureKHR: the data comes from another driver, from another version of the "
-     "layer, or from a device without the layer. The structure has no geometry now"},
-    {rules::ids::kDamaged,
-     "vkCmdCopyMemoryToAccelerationStructureKHR: the memory does not hold serialized data, or not all of it, or it was "
-     "changed. The structure has no geometry now"},
-    {"VELLUM-serialized-type",
-     "vkCmdCopyMemoryToAccelerationStructureKHR: top-level data for a bottom-level structure, or the other way round. "
-     "The structure has no geometry now"},
-    {rules::ids::kDeserializedSize,
-     "vkCmdCopyMemoryToAccelerationStructureKHR: dst is smaller than the deserialized size. It has no geometry now"},
-    {rules::ids::kSerializedSize,
-     "vkCmdCopyAccelerationStructureToMemoryKHR: the buffer ends before the serialized data does. Nothing was written"},
-    {"VELLUM-copy-reference",
-     "a copied or deserialized top-level structure names a bottom-level structure that does not exist; such instances "
-     "are inactive"},
-    {"VELLUM-copy-unbuilt-reference", "a top-level structure was copied or deserialized before the bottom-level "
-                                      "structures were built that it names; such instances are inactive"},
-    {rules::ids::kCompactedSize,
-     "vkCmdCopyAccelerationStructureKHR: dst is too small for the copy, and has no geometry now"},
-    {rules::ids::kDeserializedMicromaps,
-     "vkCmdCopyMemoryToAccelerationStructureKHR: the data names a micromap that does not exist, or is smaller than the "
-     "one that was serialized. Its geometry has no micromap now"},
-    {"VELLUM-micromap-copy-size",
-     "a micromap was copied, serialized or deserialized to memory that is too small for it. A micromap that was the "
-     "target is empty now"},
-    {"VELLUM-micromap-not-constructed", "a micromap was copied or serialized before it was built"},
-    {"VELLUM-micromap-serialized",
-     "a micromap was deserialized from memory that does not hold a serialized micromap of "
-     "this version of the layer, or not all of it. It is empty now"},
-    {"VELLUM-micromap-copy-overlap",
-     "a micromap was to be copied to where it would overlap its source. The target is as it was"},
-    {rules::ids::kReference, "vkCmdBuildAccelerationStructuresKHR: an instance references no bottom-level structure; "
-                             "such instances are inactive"},
-    {rules::ids::kReference, "vkCmdBuildAccelerationStructuresIndirectKHR: an instance references no "
-                             "bottom-level structure; such instances are inactive"},
-};
 
 // Makes the structure's address lead to the location's descriptor, with the location's mutex held. Naming one structure
 // of a location names all of them: when one is destroyed the buffer may be gone, and the driver has no addresses any
@@ -327,24 +281,6 @@ uint32_t unitsOf(VkDeviceSize bytes)
     return static_cast<uint32_t>(std::min<VkDeviceSize>(bytes / 16, UINT32_MAX));
 }
 
-void reportGpuErrors(DeviceState &device)
-{
-    if (!device.validationReportsGpuErrors)
-        reportGpuErrors(device, 0);
-}
-
-void reportGpuErrors(DeviceState &device, uint32_t known)
-{
-    if (!device.root.countsGpuErrors())
-        return;
-    const uint32_t bits = device.root.takeGpuErrors() & ~known;
-    for (uint32_t i = 0; bits != 0 && i < kGpuErrors; ++i) {
-        if ((bits >> i & 1u) != 0)
-            device.driver.report().error(rules::ids::idAt(kGpuErrorTexts[i].text, kGpuErrorTexts[i].id),
-                                         kGpuErrorTexts[i].text);
-    }
-}
-
 bool canHoldMicromap(const AccelerationStructure &structure)
 {
     return structure.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR ||
@@ -411,12 +347,21 @@ void becomeMicromap(DeviceState &device, AccelerationStructure &structure)
     becomes(structure, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, 0);
 }
 
-bool DeviceState::own(VkObjectType type, uint64_t handle) const
+StructureLocation::~StructureLocation()
 {
-    if (type != VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR)
-        return type == VK_OBJECT_TYPE_MICROMAP_EXT && driver.emulated();
-    const auto structure = accelerationStructures.get(reinterpret_cast<VkAccelerationStructureKHR>(handle));
-    return structure && isLayerObject(*structure);
+    for (const Reference &reference : references)
+        root.releaseDescriptor(reference.address);
+    if (heldKey != 0)
+        root.releaseDescriptor(heldKey);
+}
+
+VkDeviceSize StructureLocations::bytesToNext(Position position) const
+{
+    std::lock_guard lock(mutex_);
+    const auto next = std::next(position);
+    return next == locations_.end() || next->first.first != position->first.first
+               ? ~VkDeviceSize{0}
+               : next->first.second - position->first.second;
 }
 
 } // namespace vellum::layer

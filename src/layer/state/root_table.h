@@ -18,7 +18,6 @@
 #include <vector>
 
 #include "core/records.h"
-#include "layer/memory/fixed_memory.h"
 #include "layer/memory/gpu_memory.h"
 #include "layer/memory/kept_addresses.h"
 #include "layer/state/structure_descriptor_pool.h"

@@ -5,8 +5,7 @@
 
 #include "core/curve.h"
 #include "core/records.h"
-#include "layer/micromaps/micromap_build.h"
-#include "layer/micromaps/micromap_copy.h"
+#include "layer/micromaps/device_micromaps.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_layout.h"

@@ -3,12 +3,12 @@
 // that lead a shader from a hit to its micromap.
 #pragma once
 
-#include "layer/structures/backend.h"
+#include "layer/structures/device_structures.h"
 
 namespace vellum::layer
 {
 
-struct DeviceStructures;
+struct TopLevelLayout;
 
 class EmulatedBackend : public Backend
 {
@@ -54,5 +54,15 @@ public:
 private:
     DeviceStructures &device_;
 };
+
+// --- for structure_copy.cpp and structure_serialize.cpp ---
+// Invocations of injected work that runs over a whole structure: enough to keep a GPU busy, few for a small one.
+uint64_t copyInvocations(VkDeviceSize bytes);
+
+// Builds `target` from the instances that the descriptor at `source` leads to.
+// `from`: kFromStructure or kFromSerialized (core/push.h). False, after a message: nothing was recorded.
+bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandBuffer commandBuffer,
+                        const char *command, AccelerationStructure &target, VkDeviceAddress source,
+                        const TopLevelLayout &layout, uint32_t from);
 
 } // namespace vellum::layer

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/structures/fallback_structure.h"
-
+// A bottom-level structure of one triangle as the driver serializes it. It is made by a probe of the driver when it is
+// needed first.
 #include <cstring>
 
 #include "core/records.h"

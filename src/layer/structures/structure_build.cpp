@@ -9,15 +9,13 @@
 #include <string>
 
 #include "core/records.h"
-#include "layer/base/atomic_max.h"
-#include "layer/micromaps/micromap.h"
+#include "layer/micromaps/device_micromaps.h"
 #include "layer/rules/builds.h"
 #include "layer/structures/device_structures.h"
-#include "layer/structures/driver_builds.h"
 #include "layer/structures/emulated_backend.h"
 #include "layer/structures/exact_size_handle.h"
+#include "layer/structures/structure_input.h"
 #include "layer/structures/structure_layout.h"
-#include "layer/structures/top_level_instances.h"
 
 namespace vellum::layer
 {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/structures/structure_commands.h"
-
+// The commands of acceleration structures, including micromaps of VK_KHR_opacity_micromap. The layer intercepts them on
+// every device whose micromaps it emulates or translates. Each is parsed and checked here, and then recorded by the
+// device's back end.
 #include <algorithm>
 #include <cstring>
 #include <iterator>
@@ -8,11 +9,11 @@
 #include <new>
 #include <string>
 
+#include "layer/base/commands.h"
 #include "layer/base/undo.h"
 #include "layer/input/checked.h"
 #include "layer/rules/builds.h"
 #include "layer/rules/creations.h"
-#include "layer/state/buffer_range.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/exact_size_handle.h"
 
@@ -160,6 +161,48 @@ VkResult createAccelerationStructure(DeviceStructures &device, VkDevice handle,
     return created;
 }
 
+namespace
+{
+
+// Checks the creation. An empty range if it is rejected.
+BufferRange rangeOf(const DeviceState &device, const VkAccelerationStructureCreateInfo2KHR &info)
+{
+    const auto creation = input::Checked<input::Creation>::take(&info, [&] {
+        const Place command("vkCreateAccelerationStructure2KHR");
+        const Place place = command.member("pCreateInfo");
+        return rules::checkCreation(InputCheck(device.rules, place), info);
+    });
+    if (!creation.accepted)
+        return {};
+    const auto &[address, size] = info.addressRange;
+    AddressMap::Location found =
+        device.buffers.addresses.covering(address, size, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
+    if (!found.buffer)
+        found = device.buffers.addresses.find(address);
+    return {found.buffer, found.offset, std::min(size, found.bytes), found.owner};
+}
+
+// Creates the driver's structure: by the same command if the driver has it, and otherwise in the buffer.
+VkResult createInRange(const Driver &driver, const VkAccelerationStructureCreateInfo2KHR &info,
+                       const BufferRange &range, const VkAllocationCallbacks *allocator,
+                       VkAccelerationStructureKHR &result)
+{
+    if (driver.next.CreateAccelerationStructure2KHR)
+        return driver.next.CreateAccelerationStructure2KHR(driver.handle, &info, allocator, &result);
+    VkAccelerationStructureCreateInfoKHR driverInfo{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
+    driverInfo.pNext = info.pNext;
+    driverInfo.createFlags = info.createFlags;
+    driverInfo.buffer = range.buffer;
+    driverInfo.offset = range.offset;
+    driverInfo.size = range.size;
+    // The structure has to have the address of the range. Only those of type GENERIC have that of their memory
+    // (vkGetAccelerationStructureDeviceAddressKHR).
+    driverInfo.type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+    return driver.next.CreateAccelerationStructureKHR(driver.handle, &driverInfo, allocator, &result);
+}
+
+} // namespace
+
 VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice,
                                       const VkAccelerationStructureCreateInfo2KHR *info,
                                       const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
@@ -304,6 +347,8 @@ void cmdCopyMemoryToAccelerationStructure(DeviceStructures &device, VkCommandBuf
         device.backend->recordRestore(commandBuffer, *copy);
 }
 
+// Host commands. The driver alone would lose the records of emulated micromaps, and the host cannot build or copy
+// micromaps of VK_KHR_opacity_micromap: these commands report that they are not available.
 VkResult buildAccelerationStructures(DeviceStructures &device, VkDevice handle, VkDeferredOperationKHR operation,
                                      uint32_t count, const BuildInfo *infos, const RangeInfo *const *ranges)
 {

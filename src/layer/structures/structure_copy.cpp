@@ -1,18 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/structures/structure_copy.h"
-
+// Clones and compacted copies of acceleration structures with emulated micromaps.
+//
+// A copy of a bottom-level structure is the driver's, and a shader adds the records behind it. A copy of a top-level
+// structure is a build from the instances that the source keeps, so that it has slots of its own: it stays as it is
+// when the source is built again or destroyed. What was built into the source is read on the GPU, when the copy
+// executes: commands may be recorded in any order.
 #include <algorithm>
 #include <string>
 #include <utility>
 
 #include "core/records.h"
-#include "layer/micromaps/micromap_copy.h"
+#include "layer/micromaps/device_micromaps.h"
 #include "layer/rules/ids.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/emulated_backend.h"
 #include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_layout.h"
-#include "layer/structures/top_level_instances.h"
 
 namespace vellum::layer
 {

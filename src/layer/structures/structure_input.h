@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include <vulkan/vulkan.h>
+
 #include "layer/base/pnext.h"
 #include "layer/input/builds.h"
 #include "layer/rules/ids.h"
@@ -98,5 +100,21 @@ inline bool rejectCommand(const Driver &driver, const char *command, VkAccelerat
                           reinterpret_cast<uint64_t>(structure));
     return false;
 }
+
+// The driver's builds of one command: direct builds by one call, indirect ones by another.
+class DriverBuilds
+{
+public:
+    // The pointers in `info` and `ranges` must stay valid until record().
+    void add(const VkAccelerationStructureBuildGeometryInfoKHR &info, const input::BuildRanges &ranges);
+    void record(const Driver &driver, VkCommandBuffer commandBuffer) const;
+
+private:
+    std::vector<VkAccelerationStructureBuildGeometryInfoKHR> direct_, indirect_;
+    std::vector<const VkAccelerationStructureBuildRangeInfoKHR *> ranges_; // of direct_
+    std::vector<VkDeviceAddress> addresses_;                               // of indirect_, as the next two
+    std::vector<uint32_t> strides_;
+    std::vector<const uint32_t *> most_;
+};
 
 } // namespace vellum::layer

@@ -13,13 +13,11 @@
 #include <string>
 
 #include "core/records.h"
-#include "layer/micromaps/micromap_copy.h"
-#include "layer/micromaps/micromap_serialized.h"
+#include "layer/micromaps/device_micromaps.h"
 #include "layer/rules/ids.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/emulated_backend.h"
 #include "layer/structures/exact_size_handle.h"
-#include "layer/structures/structure_copy.h"
 #include "layer/structures/structure_layout.h"
 
 namespace vellum::layer

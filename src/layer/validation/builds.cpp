@@ -5,7 +5,7 @@
 #include "layer/input/checked.h"
 #include "layer/validation/commands.h"
 #include "layer/validation/rules/build_rules.h"
-#include "layer/validation/rules/implicit_rules.h"
+#include "layer/validation/rules/rule_check.h"
 
 namespace vellum::layer
 {

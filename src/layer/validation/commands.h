@@ -3,6 +3,7 @@
 // implementation.
 #pragma once
 
+#include "layer/base/commands.h"
 #include "layer/validation/device_validation.h"
 #include "layer/validation/ranges/ranges.h"
 
@@ -14,14 +15,6 @@ inline bool isCarriedOut(VkResult result)
 {
     return result >= 0;
 }
-
-// The function that validates a command: it gets the validation of the device before Vulkan's arguments.
-template <typename Command>
-struct ValidatorOf;
-template <typename Result, typename... Arguments>
-struct ValidatorOf<Result(VKAPI_PTR *)(Arguments...)> {
-    using Type = Result(DeviceValidation &, Arguments...);
-};
 
 // A command of which validation checks the address ranges, what rays meet in the shaders that it runs, or both.
 struct CheckedCommand {
@@ -64,7 +57,7 @@ struct Forwarded<function> {
 namespace validation
 {
 
-#define VELLUM_VALIDATOR(command, function, ...) ValidatorOf<PFN_vk##command>::Type function;
+#define VELLUM_VALIDATOR(command, function, ...) WithPart<DeviceValidation, PFN_vk##command>::Function function;
 #define VELLUM_DEVICE(command, scope, implementation, ...) __VA_OPT__(VELLUM_VALIDATOR(command, __VA_ARGS__))
 #define VELLUM_STATE(command, scope, implementation, function)                                                         \
     inline constexpr auto function = &Forwarded<layer::implementation>::call;

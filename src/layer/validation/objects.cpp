@@ -4,7 +4,7 @@
 #include "layer/input/checked.h"
 #include "layer/rules/creations.h"
 #include "layer/validation/commands.h"
-#include "layer/validation/rules/implicit_rules.h"
+#include "layer/validation/rules/rule_check.h"
 
 namespace vellum::layer::validation
 {

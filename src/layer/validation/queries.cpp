@@ -5,7 +5,6 @@
 #include "layer/input/checked.h"
 #include "layer/rules/copies.h"
 #include "layer/validation/commands.h"
-#include "layer/validation/rules/implicit_rules.h"
 #include "layer/validation/rules/rule_check.h"
 
 namespace vellum::layer

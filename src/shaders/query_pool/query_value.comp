@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Writes the value of one query about a micromap (layer/query_pool/query_pool.h).
+// Writes the value of one query about a micromap (layer/query_pool/query_pool.cpp).
 #include "shared.h"
 #include "records.h"
 #include "push.h"

@@ -5,9 +5,9 @@
 #include <optional>
 #include <unordered_map>
 
+#include "spirv/module/module.h"
 #include "spirv/module/numbers.h"
 #include "spirv/module/ray_instructions.h"
-#include "spirv/module/words.h"
 
 namespace vellum::spirv
 {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/validation/model/device_facts.h"
+#include "layer/validation/model/device_model.h"
 
 #include <algorithm>
 

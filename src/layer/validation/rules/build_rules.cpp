@@ -11,7 +11,7 @@
 #include "layer/input/checked.h"
 #include "layer/rules/builds.h"
 #include "layer/rules/ids.h"
-#include "layer/validation/rules/implicit_rules.h"
+#include "layer/validation/rules/rule_check.h"
 
 namespace vellum::layer
 {

@@ -19,8 +19,8 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/input/builds.h"
-#include "layer/memory/fixed_memory.h"
 #include "layer/memory/gpu_memory.h"
+#include "layer/memory/kept_addresses.h"
 #include "layer/validation/model/device_model.h"
 #include "spirv/sites/trace_sites.h"
 
