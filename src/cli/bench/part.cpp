@@ -441,9 +441,6 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device, double ti
     result.part = part;
     result.others = shareOfOthers(kSecondsOfLook);
     const auto begin = std::chrono::steady_clock::now();
-    const auto elapsed = [&] {
-        return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    };
     std::optional<job::Worker> worker;
     try {
         worker.emplace(argumentsOf(part.kind, device));
@@ -456,7 +453,8 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device, double ti
     const ChildProcess *const process = &worker->process();
     std::optional<ProcessEnd> end;
     std::optional<std::string> error;
-    for (double last = 0; !end && elapsed() < last + timeout && !Interruptible::interrupted(); progress()) {
+    worker->startWaiting();
+    for (; !end && !worker->isLate(timeout) && !Interruptible::interrupted(); progress()) {
         ChildProcess::waitForAny({&process, 1}, 200);
         job::Worker::Output output = worker->read();
         end = std::move(output.end);
@@ -467,7 +465,7 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device, double ti
                 error = message;
             else if (line != kProgressEvent)
                 continue; // a driver that hangs may print
-            last = elapsed();
+            worker->startWaiting();
         }
     }
     if (Interruptible::interrupted()) // the interrupt may have ended the process as well
@@ -475,7 +473,7 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device, double ti
     else
         result.failure =
             end ? error.value_or(failureOf(*end)) : fmt::format("hung: no progress for {:g} seconds", timeout);
-    result.seconds = elapsed();
+    result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     worker.reset();
     result.others = (result.others + shareOfOthers(kSecondsOfLook)) / 2;
     return result;

@@ -16,6 +16,7 @@ const ratio = (values, digits) => report.noisy ? "–" : values.map((value) => n
 const implementation = (part) => ({ emulated: "emulated", ext: "translated to EXT", driver: "of the driver" })[part.implementation]
   + ", " + part.api.toUpperCase();
 const table = (parent, heads, lines) => {
+  if (lines.length === 0) return;
   const box = element("div", undefined, parent);
   box.className = "scroll";
   const made = element("table", undefined, box);
@@ -67,11 +68,10 @@ const chart = (parent, title, frames) => {
 
 const device = report.parts.flatMap((part) => rows(part, "device"))[0];
 if (device) {
-  byId("device").textContent = device.name;
-  document.title = `Opacity micromaps on ${device.name}`;
+  document.title = byId("device").textContent = `Opacity micromaps on ${device.name}`;
 }
 byId("about").textContent = [device && device.driver, device && `Vulkan ${device.vulkan}`, device && device.kind,
-  `vellum ${report.version}`, report.date].filter(Boolean).join(" · ");
+  `vellum ${report.version}`, report.date.replaceAll("-", "\u2011")].filter(Boolean).join(" · ");
 report.verdict.forEach((text) => element("li", text, byId("verdict")));
 
 report.parts.filter((part) => part.name.startsWith("frames")).forEach((part) => {
@@ -83,11 +83,11 @@ report.parts.filter((part) => part.name.startsWith("frames")).forEach((part) => 
   chart(byId("charts"), title, frames);
   const box = element("details", undefined, byId("charts"));
   element("summary", "Numbers", box);
-  table(box, ["", "alpha test, ms", "micromaps, ms", "by the clock, ms", "ratio", "pairs", "candidates per ray", "differing pixels"],
+  table(box, ["", "alpha test, ms", "micromaps, ms", "by the CPU's clock, ms", "ratio", "pairs", "candidates per ray", "differing pixels"],
   frames.map((f) => [`level ${f.level}, ${f.heavy ? "heavy" : "plain"}, ${f.width} × ${f.height}`, number(f.alpha), number(f.micromaps),
     `${number(f.alphaWall)} / ${number(f.micromapsWall)}`, ratio(f.ratio, 3), f.pairs,
     f.candidatesPerRay.map((c) => number(c, 3)).join(" → "), f.differingPixels]));
-  element("p", frames[0].timestamps ? "Times are by the GPU's timestamps." : "The device has no timestamps of use: times are by the clock.",
+  element("p", frames[0].timestamps ? "Times are by the GPU's timestamps." : "The device has no timestamps of use: times are by the CPU's clock.",
     box).className = "muted";
 });
 
@@ -96,11 +96,11 @@ report.parts.filter((part) => part.name.startsWith("builds")).forEach((part) => 
   if (builds.length + micromaps.length === 0) return;
   byId("builds").hidden = false;
   element("h3", `Micromaps ${implementation(part)}`, byId("build-tables"));
-  table(byId("build-tables"), ["without micromaps", "without the layer, ms", "with it, ms", "by the clock, ms", "ratio", "per second"],
+  table(byId("build-tables"), ["without micromaps", "without the layer, ms", "with the layer, ms", "by the CPU's clock, ms", "ratio", "per second"],
     builds.map((b) => [b.what, number(b.withoutLayer, 3), number(b.withLayer, 3),
       `${number(b.withoutLayerWall, 3)} / ${number(b.withLayerWall, 3)}`, ratio(b.ratio),
       number(1000 * b.structures / b.withLayer, 0)]));
-  table(byId("build-tables"), ["micromaps, one after another", "triangles", "ms", "by the clock, ms", "per second"],
+  table(byId("build-tables"), ["micromaps, one after another", "triangles", "ms", "by the CPU's clock, ms", "per second"],
     micromaps.map((m) => [`level ${m.level}`, m.triangles, number(m.milliseconds[1], 3), number(m.wall, 3),
       number(1000 / m.wall, 0)]));
 });
@@ -110,7 +110,7 @@ report.parts.filter((part) => part.name.startsWith("pipelines")).forEach((part) 
   if (pipelines.length === 0) return;
   byId("pipelines").hidden = false;
   element("h3", `Micromaps ${implementation(part)}`, byId("pipeline-tables"));
-  table(byId("pipeline-tables"), ["", "without the layer", "with it", "ratio"],
+  table(byId("pipeline-tables"), ["", "without the layer", "with the layer", "ratio"],
     pipelines.map((p) => [`${p.trace === "query" ? "ray queries" : "ray tracing pipeline"}, ${p.withMicromaps ? "with" : "without"} micromaps`,
       number(p.withoutLayer, 1), number(p.withLayer, 1), ratio([p.ratio])]));
 });
