@@ -53,15 +53,12 @@ layout(buffer_reference, std430, buffer_reference_align = 4) readonly buffer Wor
 uvec2 vellumRecord(const in uint slot)
 {
     const uint number = slot & kCustomIndexMask;
-    uint low = kFirstSlotsLow;
-    uint high = kFirstSlotsHigh;
+    uvec2 base = uvec2(kFirstSlotsLow, kFirstSlotsHigh);
     if (number >= kFirstSlots) {
         const uint page = number >> kSlotsPerPageLog2;
-        const uvec2 entry = uvec2(Pairs(uvec2(page * 8u + kRootHeaderWords * 4u + kRootLow, kRootHigh)).at[0].words);
-        low = entry.x;
-        high = entry.y;
+        base = uvec2(Pairs(uvec2(page * 8u + kRootHeaderWords * 4u + kRootLow, kRootHigh)).at[0].words);
     }
-    return uvec2(low + (number << kInstanceRecordLog2), high);
+    return uvec2(base.x + (number << kInstanceRecordLog2), base.y);
 }
 
 // An address plus a 32-bit offset. GPU compilers generate less code for it than for an index, which they sign-extend to 64
@@ -84,7 +81,8 @@ uvec4 vellumInstance(const in uint slot)
 }
 
 // kHit* of a triangle candidate that is non-opaque for the driver. rayFlags are the application's.
-// A driver compiles this for each any-hit shader, and a branch takes it longer than instructions: mix() selects without one.
+// A driver compiles this for each any-hit shader, and a branch takes it longer than instructions: mix() selects without one,
+// and arithmetic takes it less time than that.
 // A single return, because of LLVM 21 in lavapipe 26: with a return after the coarse mask, and loops in the body of the
 // query's loop (Shapes.*/16), it zeroes the register of a -1 that the driver's traversal compares with, restores it only on
 // the path that skips the load, and the traversal does not end.
@@ -97,7 +95,8 @@ uint vellumResolve(const in uvec4 instance, const in uint geometry, const in uin
     if ((word & kManyGeometries) != 0u)
         word &= Geometry(geometryRecord).triangles;
     const uint triangles = word >> kGeometryTrianglesShift;
-    uint state = (word & kGeometryRecordOpaque) != 0u ? kStateOpaque : kStateNone;
+    // kStateOpaque if the bit is set.
+    uint state = kStateNone - (kStateNone - kStateOpaque) * (word & kGeometryRecordOpaque);
     if (triangles != 0u) {
         // Loaded early, so that it does not wait for the triangle's record.
         const uvec2 units = uvec2(Geometry(geometryRecord).units);
@@ -123,7 +122,7 @@ uint vellumResolve(const in uvec4 instance, const in uint geometry, const in uin
             const uint data = Word(vellumPlus(base, (unit << 4u) | ((bit >> 3u) & 12u))).w;
             state = (data >> (bit & 31u)) & (1u + 2u * fourState);
         }
-        state = mix(state, state & 1u, (rayFlags & kRayForce2State) != 0u);
+        state &= ~((rayFlags & kRayForce2State) >> 9u); // its bit 1, which unknown states have
     }
     return hitOfRay(hitInTable(instance.x, state), rayFlags);
 }
