@@ -25,15 +25,14 @@ constexpr uint lesser(uint x, uint y)
 
 VELLUM_CONST uint kMaxSubdivisionLevel = 12u;
 
-// Spreads the 12 bits of x to the even bits of the result. Each step moves the upper half of every group of bits up by
-// the half's size: adding 2^n - 1 times the bits moves them by n. Drivers compile this faster than shifts, of which
-// they look for combinations, and GPUs multiply what is known to have 24 bits as fast as they shift.
+// Spreads the low 16 bits of x to the even bits of the result. The last step adds, which drivers compile faster than a
+// shift; multiplications in the others would be faster still, but AMD GPUs need more registers then.
 VELLUM_FN uint spreadBits(VELLUM_IN uint x)
 {
-    const uint bytes = x + (x & 0xf00u) * 0xffu;
-    const uint nibbles = bytes + (bytes & 0xf0u) * 0xfu;
-    const uint pairs = nibbles + (nibbles & 0x0c0c0cu) * 3u;
-    return pairs + (pairs & 0x222222u);
+    const uint bytes = (x | (x << 8u)) & 0x00ff00ffu;
+    const uint nibbles = (bytes | (bytes << 4u)) & 0x0f0f0f0fu;
+    const uint pairs = (nibbles | (nibbles << 2u)) & 0x33333333u;
+    return pairs + (pairs & 0x22222222u);
 }
 
 // Index on the curve of the micro-triangle of the highest level at barycentrics (u, v), the weights of vertices 1

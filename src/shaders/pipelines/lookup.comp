@@ -81,8 +81,7 @@ uvec4 vellumInstance(const in uint slot)
 }
 
 // kHit* of a triangle candidate that is non-opaque for the driver. rayFlags are the application's.
-// A driver compiles this for each any-hit shader, and a branch takes it longer than instructions: mix() selects without one,
-// and arithmetic takes it less time than that.
+// A driver compiles this for each any-hit shader, and a branch takes it longer than instructions: mix() selects without one.
 // A single return, because of LLVM 21 in lavapipe 26: with a return after the coarse mask, and loops in the body of the
 // query's loop (Shapes.*/16), it zeroes the register of a -1 that the driver's traversal compares with, restores it only on
 // the path that skips the load, and the traversal does not end.
@@ -95,8 +94,7 @@ uint vellumResolve(const in uvec4 instance, const in uint geometry, const in uin
     if ((word & kManyGeometries) != 0u)
         word &= Geometry(geometryRecord).triangles;
     const uint triangles = word >> kGeometryTrianglesShift;
-    // kStateOpaque if the bit is set.
-    uint state = kStateNone - (kStateNone - kStateOpaque) * (word & kGeometryRecordOpaque);
+    uint state = (word & kGeometryRecordOpaque) != 0u ? kStateOpaque : kStateNone;
     if (triangles != 0u) {
         // Loaded early, so that it does not wait for the triangle's record.
         const uvec2 units = uvec2(Geometry(geometryRecord).units);
