@@ -13,15 +13,26 @@
 
 VELLUM_SHARED_BEGIN
 
+// The lesser one. Drivers make this instruction of a comparison and a selection, which takes them longer.
+#ifdef __cplusplus
+constexpr uint lesser(uint x, uint y)
+{
+    return x < y ? x : y;
+}
+#else
+#define lesser(x, y) min(x, y)
+#endif
+
 VELLUM_CONST uint kMaxSubdivisionLevel = 12u;
 
-// Spreads the low 16 bits of x to the even bits of the result.
+// Spreads the low 16 bits of x to the even bits of the result. The last step adds, which drivers compile faster than a
+// shift; multiplications in the others would be faster still, but AMD GPUs need more registers then.
 VELLUM_FN uint spreadBits(VELLUM_IN uint x)
 {
-    uint r = (x | (x << 8u)) & 0x00ff00ffu;
-    r = (r | (r << 4u)) & 0x0f0f0f0fu;
-    r = (r | (r << 2u)) & 0x33333333u;
-    return (r | (r << 1u)) & 0x55555555u;
+    const uint bytes = (x | (x << 8u)) & 0x00ff00ffu;
+    const uint nibbles = (bytes | (bytes << 4u)) & 0x0f0f0f0fu;
+    const uint pairs = (nibbles | (nibbles << 2u)) & 0x33333333u;
+    return pairs + (pairs & 0x22222222u);
 }
 
 // Index on the curve of the micro-triangle of the highest level at barycentrics (u, v), the weights of vertices 1
@@ -44,13 +55,12 @@ VELLUM_FN uint finestCurveIndex(VELLUM_IN float u, VELLUM_IN float v)
     // The place in the cell. These differences are exact, and so is their sum unless u or v is below 2^-12; that of u
     // and v is rounded, to beyond the diagonal also.
     const float rest = (cellsU - toFloat(cellU)) + (cellsV - toFloat(cellV));
-    const uint iv = cellV < kFinestMask ? cellV : kFinestMask;
+    const uint iv = lesser(cellV, kFinestMask);
     const uint mostU = kFinestMask - iv;
-    const uint iu = cellU < mostU ? cellU : mostU;
+    const uint iu = lesser(cellU, mostU);
     // One more in the cell's far half: 2^12 - 1 less the cells between the micro-triangle and the edge opposite vertex
     // 0.
-    const uint unbounded = iu + iv + toUint(rest);
-    const uint sum = unbounded < kFinestMask ? unbounded : kFinestMask;
+    const uint sum = lesser(iu + iv + toUint(rest), kFinestMask);
 
     const uint low = iu ^ sum;
     const uint corner = (iu ^ iv) & low;

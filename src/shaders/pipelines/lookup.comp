@@ -53,15 +53,12 @@ layout(buffer_reference, std430, buffer_reference_align = 4) readonly buffer Wor
 uvec2 vellumRecord(const in uint slot)
 {
     const uint number = slot & kCustomIndexMask;
-    uint low = kFirstSlotsLow;
-    uint high = kFirstSlotsHigh;
+    uvec2 base = uvec2(kFirstSlotsLow, kFirstSlotsHigh);
     if (number >= kFirstSlots) {
         const uint page = number >> kSlotsPerPageLog2;
-        const uvec2 entry = uvec2(Pairs(uvec2(page * 8u + kRootHeaderWords * 4u + kRootLow, kRootHigh)).at[0].words);
-        low = entry.x;
-        high = entry.y;
+        base = uvec2(Pairs(uvec2(page * 8u + kRootHeaderWords * 4u + kRootLow, kRootHigh)).at[0].words);
     }
-    return uvec2(low + (number << kInstanceRecordLog2), high);
+    return uvec2(base.x + (number << kInstanceRecordLog2), base.y);
 }
 
 // An address plus a 32-bit offset. GPU compilers generate less code for it than for an index, which they sign-extend to 64
@@ -123,7 +120,7 @@ uint vellumResolve(const in uvec4 instance, const in uint geometry, const in uin
             const uint data = Word(vellumPlus(base, (unit << 4u) | ((bit >> 3u) & 12u))).w;
             state = (data >> (bit & 31u)) & (1u + 2u * fourState);
         }
-        state = mix(state, state & 1u, (rayFlags & kRayForce2State) != 0u);
+        state &= ~((rayFlags & kRayForce2State) >> 9u); // its bit 1, which unknown states have
     }
     return hitOfRay(hitInTable(instance.x, state), rayFlags);
 }

@@ -67,9 +67,13 @@ Linker::Linker(Module &module, Types &types, Words library, std::map<uint32_t, u
 {
     if (!library_)
         return;
-    for (const Instruction in : library_->section(Section::Decorations))
-        if (in.opcode == spv::OpDecorate && library_->word(in, 2) == spv::DecorationSpecId)
+    for (const Instruction in : library_->section(Section::Decorations)) {
+        if (in.opcode != spv::OpDecorate)
+            continue;
+        decorated_.insert(library_->word(in, 1));
+        if (library_->word(in, 2) == spv::DecorationSpecId)
             specIds_[library_->word(in, 1)] = library_->word(in, 3);
+    }
     const auto &code = library_->section(Section::Functions);
     for (size_t i = 0; i < code.size(); ++i)
         if (code[i].opcode == spv::OpFunction)
@@ -99,12 +103,30 @@ Id Linker::function(std::string_view name)
 
 Id Linker::import(Id id)
 {
+    if (const auto it = loaded_.find(id); it != loaded_.end())
+        return import(it->second);
     if (const auto it = imported_.find(id); it != imported_.end())
         return it->second;
     const Instruction in = library_->definition(id);
     if (in.opcode == spv::OpFunction)
         return importFunction(id);
+    if (in.opcode == spv::OpExtInstImport)
+        return importInstructionSet(in);
     return importGlobal(in, id);
+}
+
+Id Linker::importInstructionSet(Instruction in)
+{
+    const Id set = library_->result(in);
+    merged_.insert(set);
+    for (const Instruction known : module_.section(Section::Imports))
+        if (known.opcode == spv::OpExtInstImport && module_.string(known, 2) == library_->string(in, 2))
+            return imported_[set] = module_.result(known);
+    const Id mine = module_.newId();
+    std::vector<uint32_t> operands = stringWords(library_->string(in, 2).c_str());
+    operands.insert(operands.begin(), mine);
+    module_.append(Section::Imports, spv::OpExtInstImport, operands);
+    return imported_[set] = mine;
 }
 
 Id Linker::importGlobal(Instruction in, Id id)
@@ -145,27 +167,82 @@ Id Linker::importGlobal(Instruction in, Id id)
     return imported_[id] = mine;
 }
 
-Id Linker::importFunction(Id id)
+std::span<const Instruction> Linker::bodyOf(Id function) const
 {
     const auto &code = library_->section(Section::Functions);
-    const auto begin = code.begin() + static_cast<ptrdiff_t>(functions_[id]);
+    const auto begin = code.begin() + static_cast<ptrdiff_t>(functions_.at(function));
     const auto end = std::ranges::find(begin, code.end(), spv::OpFunctionEnd, &Instruction::opcode);
-    std::vector<Instruction> body(begin, end + 1);
+    return {begin, end + 1};
+}
+
+// Gives new ids to the results of a function's body. Returns the instructions that are copied.
+std::vector<Instruction> Linker::newResults(std::span<const Instruction> body)
+{
     const std::map<Id, Id> constants = localConstants(body);
-    const auto isReplaced = [&](Instruction in) {
-        return (in.opcode == spv::OpVariable && constants.contains(library_->word(in, 2))) ||
-               (in.opcode == spv::OpStore && constants.contains(library_->word(in, 1))) ||
-               (in.opcode == spv::OpLoad && constants.contains(library_->word(in, 3)));
-    };
-    // Results first: phis and branches refer forward.
+    std::vector<Instruction> copied;
     for (const Instruction in : body) {
-        if (in.opcode == spv::OpLoad && isReplaced(in))
-            imported_[library_->result(in)] = import(constants.at(library_->word(in, 3)));
-        else if (const Id result = library_->result(in))
+        const bool isVariable = in.opcode == spv::OpVariable && constants.contains(library_->result(in));
+        const bool isStore = in.opcode == spv::OpStore && constants.contains(library_->word(in, 1));
+        if (isVariable || isStore)
+            continue;
+        if (in.opcode == spv::OpLoad && constants.contains(library_->word(in, 3))) {
+            loaded_[library_->result(in)] = constants.at(library_->word(in, 3));
+            continue;
+        }
+        if (const Id result = library_->result(in); result != 0 && in.opcode != spv::OpFunction)
             imported_[result] = module_.newId();
+        copied.push_back(in);
     }
-    std::erase_if(body, isReplaced);
-    return importBody(body) ? imported_[id] : 0;
+    return copied;
+}
+
+Id Linker::importFunction(Id id)
+{
+    const Id mine = module_.newId();
+    imported_[id] = mine;
+    std::vector<Instruction> imported;
+    if (!importBody(newResults(bodyOf(id)), imported))
+        return 0;
+    code_.insert(code_.end(), imported.begin(), imported.end());
+    return mine;
+}
+
+// Calls of functions that are one block without variables. Drivers compile code without them faster.
+bool Linker::isInlined(std::span<const Instruction> body) const
+{
+    const std::map<Id, Id> constants = localConstants(body);
+    return std::ranges::count(body, spv::OpLabel, &Instruction::opcode) == 1 &&
+           std::ranges::count(body, spv::OpReturnValue, &Instruction::opcode) == 1 &&
+           std::ranges::none_of(body, [&](Instruction in) {
+               const Id result = library_->result(in);
+               return decorated_.contains(result) || (in.opcode == spv::OpVariable && !constants.contains(result));
+           });
+}
+
+// What is called is copied for each call, so its results have new ids each time. The result of the call is what is
+// returned; nothing refers to it before, since only phis of loops would.
+bool Linker::inlineCall(Instruction call, std::vector<Instruction> &out)
+{
+    const std::vector<Instruction> body = newResults(bodyOf(library_->word(call, 3)));
+    std::vector<Instruction> copied;
+    uint32_t argument = 4;
+    for (const Instruction in : body) {
+        switch (in.opcode) {
+        case spv::OpFunctionParameter:
+            imported_[library_->result(in)] = import(library_->word(call, argument++));
+            break;
+        case spv::OpFunction:
+        case spv::OpLabel:
+        case spv::OpReturnValue:
+        case spv::OpFunctionEnd: break;
+        default: copied.push_back(in); break;
+        }
+    }
+    if (!importBody(copied, out))
+        return false;
+    const Instruction returned = *std::ranges::find(body, spv::OpReturnValue, &Instruction::opcode);
+    imported_[library_->result(call)] = import(library_->word(returned, 1));
+    return error_.empty();
 }
 
 // Local variables that are stored once, before they are loaded, and not used in another way, with what is stored. These
@@ -190,29 +267,33 @@ std::map<Id, Id> Linker::localConstants(std::span<const Instruction> body) const
     return values;
 }
 
-bool Linker::importBody(std::span<const Instruction> body)
+bool Linker::importBody(std::span<const Instruction> body, std::vector<Instruction> &out)
 {
-    std::vector<Instruction> imported;
     for (const Instruction in : body) {
         if (in.opcode == spv::OpLine || in.opcode == spv::OpNoLine)
             continue;
+        if (in.opcode == spv::OpFunctionCall && isInlined(bodyOf(library_->word(in, 3)))) {
+            if (!inlineCall(in, out))
+                return false;
+            continue;
+        }
         const bool isFunction = in.opcode == spv::OpFunction;
-        const uint32_t literals = isFunction ? 3 : firstLiteral(in.opcode);
+        const bool isExtended = in.opcode == spv::OpExtInst;
+        const uint32_t literals = isFunction ? 3 : isExtended ? 4 : firstLiteral(in.opcode);
         if (literals == 0) {
             fail("cannot import opcode " + std::to_string(in.opcode));
             return false;
         }
         std::vector<uint32_t> operands;
         for (uint32_t i = 1; i < in.count; ++i) {
-            const bool isId = i < literals || (isFunction && i == 4);
+            const bool isId = i < literals || (isFunction && i == 4) || (isExtended && i > 4);
             const uint32_t operand = library_->word(in, i);
             operands.push_back(isId ? import(operand) : operand);
             if (!error_.empty())
                 return false;
         }
-        imported.push_back(module_.make(in.opcode, operands));
+        out.push_back(module_.make(in.opcode, operands));
     }
-    code_.insert(code_.end(), imported.begin(), imported.end());
     return true;
 }
 

@@ -32,10 +32,15 @@ public:
 
 private:
     Id import(Id id);
+    Id importInstructionSet(Instruction in);
     Id importGlobal(Instruction in, Id id);
+    std::span<const Instruction> bodyOf(Id function) const;
+    std::vector<Instruction> newResults(std::span<const Instruction> body);
     Id importFunction(Id id);
     std::map<Id, Id> localConstants(std::span<const Instruction> body) const;
-    bool importBody(std::span<const Instruction> body);
+    bool isInlined(std::span<const Instruction> body) const;
+    bool inlineCall(Instruction call, std::vector<Instruction> &out);
+    bool importBody(std::span<const Instruction> body, std::vector<Instruction> &out);
     void importDecorations();
     bool declareAddressing();
     Id fail(const std::string &what);
@@ -47,8 +52,10 @@ private:
     std::map<uint32_t, uint32_t> constants_;
     std::map<Id, uint32_t> specIds_;
     std::map<Id, size_t> functions_; // where they begin in the library
+    std::set<Id> decorated_;
     std::map<Id, Id> imported_;
-    std::set<Id> merged_; // library ids that became ids the module had: their names and decorations stay behind
+    std::map<Id, Id> loaded_; // loads of local variables that are constants: the library's value
+    std::set<Id> merged_;     // library ids that became ids the module had: their names and decorations stay behind
     std::vector<Instruction> code_;
 };
 
