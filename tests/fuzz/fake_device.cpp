@@ -10,6 +10,7 @@
 #include <vulkan/vk_layer.h>
 
 #include "check.h"
+#include "layer/base/commands.h"
 #include "layer/entry/instance.h"
 #include "layer/micromaps/micromap_input.h"
 #include "layer/structures/emulated_backend.h"

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "layer/base/commands.h"
 #include "layer/memory/device_buffers.h"
 #include "layer/memory/host_memory.h"
 

@@ -43,10 +43,4 @@ Instance &instanceOf(DispatchableHandle handle)
     return *instanceOfKey(dispatchKey(handle));
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
-                                              VkInstance *instance);
-VKAPI_ATTR VkResult VKAPI_CALL enumerateInstanceLayerProperties(uint32_t *count, VkLayerProperties *properties);
-VKAPI_ATTR VkResult VKAPI_CALL enumerateInstanceExtensionProperties(const char *layer, uint32_t *count,
-                                                                    VkExtensionProperties *properties);
-
 } // namespace vellum::layer
