@@ -202,6 +202,31 @@ echo "== 3 run, 2 passed, 1 skipped, 0 excluded; programs that failed: 0\"""")
         self.matrix("--deqp", "/bin/true", "--minutes", "0.05", "khronos-queries")
         self.assertEqual(self.row("khronos-queries")[2], "1 cases: 1 Pass, 2 not run")
 
+    def others(self, statuses, *words, geometries="3"):
+        """Cases a and b in every configuration, where `statuses` is a command of the shell that writes their results."""
+        self.script("scripts/run-cts", 'while [ "$1" != --out ]; do shift; done; mkdir -p "$2"\n'
+                    f'echo "forcing: 1 devices, {geometries} geometries" >"$2/chunk.stderr"\n{statuses}')
+        cases = self.checkout / "build/cases.txt"
+        cases.parent.mkdir(exist_ok=True)
+        cases.write_text("a\nb\n", encoding="utf-8")
+        return self.matrix("--deqp", "/bin/true", "--cases", cases, "khronos-others", *words).returncode
+
+    def test_khronos_others(self):
+        self.assertEqual(self.others('printf "a,Pass,0.1\nb,Fail,0.1\n" >"$2/results.csv"; exit 1'), 0)
+        self.assertIn("bare 2 cases, 1 Pass, 1 Fail; layer 2 cases, 1 Pass, 1 Fail, 0 differ from bare; ", self.row("khronos-others")[2])
+        self.assertEqual(self.others('echo "a,${VELLUM_ASSUME_MICROMAPS:+F}Pass,0.1" | sed s/FPass/Fail/ >"$2/results.csv"'), 1)
+        self.assertRegex(self.row("khronos-others")[2], r"assume_micromaps 1 cases, 1 Fail, 1 differ .*; failed: a \(assume_micromaps\)$")
+        self.assertEqual(self.others('echo a,Skip,0.1 >"$2/results.csv"'), 1)
+        self.assertRegex(self.row("khronos-others")[2], "nothing was tested$")
+        self.assertEqual(self.others('echo a,Pass,0.1 >"$2/results.csv"', geometries="0"), 1)
+        self.assertEqual(self.row("khronos-others")[2], "**failed**: forced EXT: nothing was tested, exit status 0")
+
+    def test_khronos_others_stopped(self):
+        self.others('echo a,Pass,,0.1 >"$2/progress.csv"\n[ -n "$VELLUM_FORCING_API" ] && sleep 100\n'
+                    'printf "a,Pass,0.1\\nb,Skip,0.1\\n" >"$2/results.csv"', "--minutes", "0.05")
+        self.assertRegex(self.row("khronos-others")[2], "bare 2 cases, 1 Pass, 1 Skip; .*; forced EXT 1 cases, 1 Pass, 0 differ from bare; "
+                         "forced KHR 0 cases, 0 differ from bare, 3 not run$")
+
     def vkd3d(self, value, *words, geometries="3", begin=""):
         self.script("build/vkd3d/tests/d3d12",
                     VKD3D.replace("BEGIN", begin).replace("VALUE", value).replace("GEOMETRIES", geometries))

@@ -3,7 +3,7 @@
 // nothing, so that the program tests Vellum. It enables the extension on each device that has acceleration structures,
 // builds one micromap there, and attaches it to all geometries that have none, sets the micromap bit of ray tracing
 // pipelines and, with VK_KHR_opacity_micromap, the execution mode of shaders with ray queries. A device that enables
-// one of the extensions itself is forced by that one. In the environment:
+// one of the extensions itself is forced by that one; one that enables both, by VELLUM_FORCING_API. In the environment:
 //
 //   VELLUM_FORCING        what the micromaps are made of
 //     mixed               data of several levels and formats, and special indices; also where it is not set. Unknown

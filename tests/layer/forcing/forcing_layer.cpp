@@ -130,17 +130,32 @@ private:
         return false;
     }
 
-    // Enables the extensions that the layer needs and the application did not.
+    // The application enables one of the extensions, or all that the device has, with their features or without.
     void useExtensions()
     {
-        const auto *ext = features<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
-            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
-        const auto *khr = features<VkPhysicalDeviceOpacityMicromapFeaturesKHR>(
-            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
-        if (ext != nullptr && ext->micromap)
-            api = Api::Ext;
-        else if (khr != nullptr && khr->micromap && addAddressCommands())
-            api = Api::Khr;
+        const Api chosen = instance_.settings.api;
+        if (canUse(chosen))
+            api = chosen;
+        else if (const Api other = chosen == Api::Ext ? Api::Khr : Api::Ext; canUse(other))
+            api = other;
+    }
+
+    // Enables what the extension needs and the application did not.
+    bool canUse(Api wanted)
+    {
+        if (wanted == Api::Ext)
+            return asksFor(info, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) && hasMicromap(ext_);
+        return asksFor(info, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME) && hasMicromap(khr_) && addAddressCommands();
+    }
+
+    // Adds the features if the application has none of that type.
+    template <class Features>
+    bool hasMicromap(Features &added)
+    {
+        const auto *own = features<Features>(info, added.sType);
+        if (own == nullptr)
+            prepend(added);
+        return own == nullptr || own->micromap;
     }
 
     void addExtensions()
