@@ -242,7 +242,7 @@ CompactedMicromap::~CompactedMicromap() = default;
 void CompactedMicromap::write(uint8_t *out) const
 {
     if (triangles_.empty()) {
-        std::memcpy(out, memory_, bytes_);
+        std::memcpy(out, memory_, static_cast<size_t>(bytes_));
         return;
     }
     const auto count = static_cast<uint32_t>(triangles_.size());
@@ -256,7 +256,7 @@ void CompactedMicromap::write(uint8_t *out) const
             continue;
         }
         uint8_t *to = target + uint64_t{next} * kDataUnitBytes;
-        std::memset(to, 0, uint64_t{t.units()} * kDataUnitBytes);
+        std::memset(to, 0, size_t{t.units()} * kDataUnitBytes);
         std::memcpy(to, units + t.offset, t.bytes());
         writeRecord(out, i, recordAt(t, next, 0));
         next += t.units();
