@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the messages of validation name and state, beyond their ids.
+#include "gpu/tracer.h"
+#include "recorded.h"
+
+namespace
+{
+
+using namespace vt;
+
+class MessageText : public GpuTest
+{
+protected:
+    MessageText() : GpuTest({.validation = false, .validate = true}) {}
+    void name(VkObjectType type, uint64_t object, const char *name)
+    {
+        const auto set = reinterpret_cast<PFN_vkSetDebugUtilsObjectNameEXT>(
+            vkGetInstanceProcAddr(gpu().instance(), "vkSetDebugUtilsObjectNameEXT"));
+        const auto info =
+            vkInit<VkDebugUtilsObjectNameInfoEXT>({.objectType = type, .objectHandle = object, .pObjectName = name});
+        VT_CHECK(set(gpu().device(), &info));
+    }
+    void name(const Structure &structure, const char *text)
+    {
+        name(VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(structure.handle()), text);
+    }
+    // The texts of the messages with the id.
+    std::vector<std::string> textsOf(const std::string &id)
+    {
+        VT_CHECK(vkDeviceWaitIdle(gpu().device()));
+        std::vector<std::string> texts;
+        for (const Message &m : gpu().takeMessages())
+            if (m.id == id)
+                texts.push_back(m.text);
+        return texts;
+    }
+    // Expects one message with the id, which has all the parts in this order.
+    void expectOne(const std::string &id, const std::vector<std::string> &parts)
+    {
+        const std::vector<std::string> texts = textsOf(id);
+        ASSERT_EQ(texts.size(), 1u) << id;
+        size_t at = 0;
+        for (const std::string &part : parts) {
+            at = texts[0].find(part, at);
+            ASSERT_NE(at, std::string::npos) << part << " in: " << texts[0];
+        }
+    }
+    static Geometry oneTriangleGeometry()
+    {
+        Geometry geometry;
+        appendTriangle(geometry.vertices, {});
+        return geometry;
+    }
+};
+
+TEST_F(MessageText, UnorderedLevels)
+{
+    Blas leaf(gpu()), twig(gpu());
+    Tlas tlas(gpu());
+    leaf.prepare({oneTriangleGeometry()});
+    twig.prepare({oneTriangleGeometry()});
+    tlas.prepare(std::array{instance(leaf, {}, 0, 0, 0), instance(leaf, {}, 1), instance(twig, {}, 2)});
+    name(leaf, "leaf");
+    name(tlas, "forest");
+    gpu().submit([&](VkCommandBuffer commands) {
+        leaf.record(commands);
+        twig.record(commands);
+        tlas.record(commands);
+    });
+    const std::string command = "vkCmdBuildAccelerationStructuresKHR: pInfos[0]";
+    expectOne("VELLUM-sync-read-after-write",
+              {command + " builds \"forest\" (0x", ") and reads acceleration structure \"leaf\" (0x",
+               "), of instance 1, that " + command + " wrote in the same batch; no barrier makes the write (stage ",
+               "stage ACCELERATION_STRUCTURE_BUILD, access ACCELERATION_STRUCTURE_READ",
+               "; the same is true of the structure of another instance"});
+}
+
+} // namespace
