@@ -75,4 +75,64 @@ TEST_F(MessageText, UnorderedLevels)
                "; the same is true of the structure of another instance"});
 }
 
+TEST_F(MessageText, NameOfADestroyedStructure)
+{
+    const Storage storage(gpu());
+    std::optional<Blas> blas;
+    blas.emplace(gpu());
+    blas->placeIn(storage.buffer(), 0);
+    blas->build({oneTriangleGeometry()});
+    name(*blas, "oak leaf");
+    const Tlas tlas(gpu(), {instance(*blas, {}, 0)});
+    blas.reset();
+    Tracer(gpu()).trace(tlas, std::array{Ray{.origin = {0.3f, 0.3f, 1}}});
+    expectOne("VELLUM-trace-invalid-structure", {"structure \"oak leaf\" (0x", ", of instance 0, was destroyed"});
+}
+
+TEST_F(MessageText, NameOfADestroyedMicromap)
+{
+    if (!gpu().khr())
+        GTEST_SKIP() << "VK_KHR_opacity_micromap";
+    const Twins twins(gpu());
+    SharedMemory memory(gpu());
+    const MicromapHandle micromap = memory.create(0, twins.source.size());
+    name(micromap.objectType(), micromap.object(), "oak leaf micromap");
+    gpu().submit([&](VkCommandBuffer commands) {
+        recordMicromapBuilds(gpu(), commands, std::array{MicromapBuild{twins.source.buildInfo(), micromap}});
+    });
+    Geometry geometry = oneTriangleGeometry();
+    geometry.micromap = Attachment{.micromap = &twins.source, .indexType = VK_INDEX_TYPE_UINT32, .indices = {0}};
+    Blas blas(gpu());
+    blas.prepare({geometry});
+    Build build(gpu(), blas);
+    auto given = *static_cast<const KhrAttached *>(build.geometry.geometry.triangles.pNext);
+    build.geometry.geometry.triangles.pNext = &given;
+    given.micromap = micromap.khr;
+    gpu().submit([&](VkCommandBuffer commands) { build.record(commands); });
+    const Tlas tlas(gpu(), {instance(blas, {}, 0)});
+    memory.destroy(micromap);
+    Tracer(gpu()).trace(tlas, std::array{Ray{.origin = {0.3f, 0.3f, 1}}});
+    expectOne("VELLUM-trace-invalid-structure",
+              {"micromap \"oak leaf micromap\" (0x", ", of instance 0, was destroyed"});
+}
+
+TEST_F(MessageText, NameEndsWithTheHandle)
+{
+    SharedMemory memory(gpu());
+    const MicromapHandle first = memory.create(0, 1024);
+    name(first.objectType(), first.object(), "first");
+    memory.destroy(first);
+    for (int i = 0; i < 64; ++i) {
+        const MicromapHandle next = memory.create(0, 1024);
+        if (next.object() != first.object())
+            continue;
+        memory.destroy(next); // twice
+        destroyMicromap(gpu(), next);
+        for (const Message &m : gpu().takeMessages())
+            EXPECT_EQ(m.text.find("first"), std::string::npos) << m.text;
+        return;
+    }
+    GTEST_SKIP() << "handles are not used again";
+}
+
 } // namespace
