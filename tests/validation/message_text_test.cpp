@@ -135,4 +135,19 @@ TEST_F(MessageText, NameEndsWithTheHandle)
     GTEST_SKIP() << "handles are not used again";
 }
 
+TEST_F(MessageText, MisalignedInputOfAMicromap)
+{
+    const Micromap micromap(gpu(), oneTriangle());
+    VkMicromapBuildInfoEXT info = micromap.buildInfo();
+    info.triangleArray.deviceAddress += 4;
+    recordUnlessWrong(gpu(), true, [&](VkCommandBuffer commands) {
+        recordMicromapBuilds(gpu(), commands, std::array{MicromapBuild{info, micromap.handle()}});
+    });
+    char address[32];
+    std::snprintf(address, sizeof address, "%llx", static_cast<unsigned long long>(info.triangleArray.deviceAddress));
+    expectOne(gpu().khr() ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11552"
+                          : "VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07515",
+              {"triangleArray, at 0x" + std::string(address) + ": not a multiple of "});
+}
+
 } // namespace
