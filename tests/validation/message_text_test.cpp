@@ -150,4 +150,20 @@ TEST_F(MessageText, MisalignedInputOfAMicromap)
               {"triangleArray, at 0x" + std::string(address) + ": not a multiple of "});
 }
 
+TEST_F(MessageText, MicromapWithoutTriangles)
+{
+    if (!gpu().khr())
+        GTEST_SKIP() << "VK_KHR_opacity_micromap";
+    MicromapInput input = oneTriangle();
+    input.declared = {{0, 2, kFourState}};
+    Micromap micromap(gpu(), std::move(input));
+    micromap.build();
+    gpu().takeMessages();
+    Geometry geometry = oneTriangleGeometry();
+    geometry.micromap = Attachment{.micromap = &micromap, .indexType = VK_INDEX_TYPE_UINT32, .indices = {0}};
+    const Blas blas(gpu(), {geometry});
+    expectOne("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11575",
+              {"is outside the 0 triangles of micromap ", ", which was built with usage counts that sum to 0"});
+}
+
 } // namespace
