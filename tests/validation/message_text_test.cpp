@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the messages of validation name and state, beyond their ids.
+#include <cstdio>
+
 #include "gpu/tracer.h"
 #include "recorded.h"
 
@@ -12,12 +14,12 @@ class MessageText : public GpuTest
 {
 protected:
     MessageText() : GpuTest({.validation = false, .validate = true}) {}
-    void name(VkObjectType type, uint64_t object, const char *name)
+    void name(VkObjectType type, uint64_t object, const char *text)
     {
         const auto set = reinterpret_cast<PFN_vkSetDebugUtilsObjectNameEXT>(
             vkGetInstanceProcAddr(gpu().instance(), "vkSetDebugUtilsObjectNameEXT"));
         const auto info =
-            vkInit<VkDebugUtilsObjectNameInfoEXT>({.objectType = type, .objectHandle = object, .pObjectName = name});
+            vkInit<VkDebugUtilsObjectNameInfoEXT>({.objectType = type, .objectHandle = object, .pObjectName = text});
         VT_CHECK(set(gpu().device(), &info));
     }
     void name(const Structure &structure, const char *text)
@@ -116,6 +118,7 @@ TEST_F(MessageText, NameOfADestroyedMicromap)
               {"micromap \"oak leaf micromap\" (0x", ", of instance 0, was destroyed"});
 }
 
+// The name ends with the handle: another object that gets it has none.
 TEST_F(MessageText, NameEndsWithTheHandle)
 {
     SharedMemory memory(gpu());
@@ -164,6 +167,29 @@ TEST_F(MessageText, MicromapWithoutTriangles)
     const Blas blas(gpu(), {geometry});
     expectOne("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11575",
               {"is outside the 0 triangles of micromap ", ", which was built with usage counts that sum to 0"});
+}
+
+// Valid, and most often a mistake.
+TEST_F(MessageText, IndexStrideOfZero)
+{
+    Micromap micromap(gpu(), oneTriangle());
+    micromap.build();
+    const auto build = [&](uint32_t triangles, std::optional<uint32_t> stride) {
+        Geometry geometry{.vertices = triangleRow(triangles)};
+        geometry.micromap = Attachment{.micromap = &micromap,
+                                       .indexType = VK_INDEX_TYPE_UINT16,
+                                       .indices = std::vector<int32_t>(triangles, 0),
+                                       .stride = stride};
+        const Blas blas(gpu(), {geometry});
+    };
+    build(3, {});
+    build(1, 0);
+    EXPECT_TRUE(textsOf("VELLUM-attachment-index-stride").empty());
+    build(3, 0);
+    expectOne(
+        "VELLUM-attachment-index-stride",
+        {"pInfos[0].pGeometries[0].geometry.triangles.indexStride: it is 0, so that all 3 triangles have the first "
+         "index"});
 }
 
 } // namespace
