@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The tracker of accesses: sequences on queues, and the hazards that each must have.
 #include <functional>
+#include <set>
 
 #include <gtest/gtest.h>
 
@@ -281,6 +282,95 @@ TEST_P(SyncTracker, FindsTheHazards)
 const auto kNameOf = [](const auto &info) { return std::string(info.param.name); };
 INSTANTIATE_TEST_SUITE_P(Barriers, SyncTracker, testing::ValuesIn(barrierSequences()), kNameOf);
 INSTANTIATE_TEST_SUITE_P(Queues, SyncTracker, testing::ValuesIn(queueSequences()), kNameOf);
+
+// --- structures that instances name
+
+Step buildNamed(Range range, VkDeviceAddress reference, QueueKey queue = 1)
+{
+    return [=](Execution &run) {
+        Access one;
+        one.range = range;
+        one.scope = {kBuild, kWrite};
+        one.writes = true;
+        one.reference = reference;
+        run.tracker.access(queue, {&one, 1});
+    };
+}
+// The build of a top-level structure on a queue, and the references that were written unordered before.
+struct Unordered {
+    QueueKey queue = 1;
+    std::set<VkDeviceAddress> references = {};
+};
+struct References {
+    const char *name;
+    std::vector<Step> steps;
+    Unordered unordered = {};
+};
+
+class SyncTrackerReferences : public testing::TestWithParam<References>
+{
+};
+
+TEST_P(SyncTrackerReferences, AreUnordered)
+{
+    const auto &[name, steps, unordered] = GetParam();
+    Execution run;
+    run.tracker.beginBatch(1, 1, {});
+    for (const Step &step : steps)
+        step(run);
+    build({3, 0, 256}, unordered.queue)(run); // the top-level structure
+    Access one;
+    one.scope = {kBuild, kRead};
+    for (int times = 0; times < 2; ++times) { // those that are not ordered are found again
+        std::set<VkDeviceAddress> found;
+        for (const Hazard &hazard : run.tracker.unorderedStructures(unordered.queue, one)) {
+            EXPECT_EQ(hazard.kind, HazardKind::ReadAfterWrite);
+            found.insert(hazard.earlier.reference);
+        }
+        EXPECT_EQ(found, unordered.references);
+    }
+}
+
+const Step kBuildBarrier = barrier(kBuild, kWrite, kBuild, kRead);
+const Step kReferencesAgain = [](Execution &run) {
+    Access one;
+    one.scope = {kBuild, kRead};
+    run.tracker.unorderedStructures(1, one);
+};
+std::vector<References> referenceSequences()
+{
+    return {
+        {"NoBarrier", {buildNamed(kA, 5), buildNamed(kB, 6)}, {1, {5, 6}}},
+        {"Barrier", {buildNamed(kA, 5), kBuildBarrier}},
+        {"BarrierBetween", {buildNamed(kA, 5), kBuildBarrier, buildNamed(kB, 6)}, {1, {6}}},
+        {"WithoutReference", {buildNamed(kA, 0)}},
+        {"OtherStage", {buildNamed(kA, 5), barrier(kBuild, kWrite, kCompute, kRead)}, {1, {5}}},
+        {"OtherAccess", {buildNamed(kA, 5), barrier(kBuild, kWrite, kBuild, kShaderRead)}, {1, {5}}},
+        {"RangeBarrier", {buildNamed(kA, 5), buildNamed(kB, 6), barrier(kBuild, kWrite, kBuild, kRead, kA)}, {1, {6}}},
+        {"WrittenAgain", {buildNamed(kA, 5), kBuildBarrier, kReferencesAgain, buildNamed(kA, 5)}, {1, {5}}},
+        {"OtherStructureThere", {buildNamed(kA, 5), buildNamed(kA, 7)}, {1, {7}}},
+        {"OverwrittenByOther", {buildNamed(kA, 5), build(kA)}},
+        {"FreedMemory", {buildNamed(kA, 5), host([](Tracker &t) { t.freeMemory(1); })}},
+        {"NextBatch", {buildNamed(kA, 5), end(1), begin(1)}, {1, {5}}},
+        {"CompleteBatch", {buildNamed(kA, 5), end(1), host([](Tracker &t) { t.queueIdle(1); }), begin(1)}},
+        {"OtherQueue", {buildNamed(kA, 5), end(1), begin(2)}, {2}},
+        {"UnknownEvent", {buildNamed(kA, 5), await(4)}},
+    };
+}
+INSTANTIATE_TEST_SUITE_P(All, SyncTrackerReferences, testing::ValuesIn(referenceSequences()), kNameOf);
+
+// The structures of the command itself are neither reported nor forgotten.
+TEST(SyncTrackerCommand, KeepsWhatItWrites)
+{
+    Execution run;
+    run.tracker.beginBatch(1, 1, {});
+    buildNamed(kA, 5)(run);
+    Access one;
+    one.scope = {kBuild, kRead};
+    EXPECT_TRUE(run.tracker.unorderedStructures(1, one).empty());
+    build(kB)(run);
+    EXPECT_EQ(run.tracker.unorderedStructures(1, one).size(), 1u);
+}
 
 TEST(SyncTrackerBatch, IsPendingUntilTheHostKnows)
 {

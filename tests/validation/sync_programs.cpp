@@ -2,6 +2,8 @@
 // Programs without the synchronization that they need.
 #include "programs.h"
 
+#include <cstring>
+
 #include "gpu/copies.h"
 
 namespace vt
@@ -278,6 +280,220 @@ void queryOfBuild(Gpu &gpu, bool wrong)
     });
 }
 
+// --- What the instances of a top-level structure name ---
+
+// A bottom-level structure and others, of which none is built yet, and a top-level structure over some.
+struct Levels {
+    explicit Levels(Gpu &device) : gpu(device), blas(device), other(device), tlas(device)
+    {
+        for (Blas *one : {&blas, &other}) {
+            Geometry geometry;
+            appendTriangle(geometry.vertices, {});
+            one->prepare({geometry}, VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR |
+                                         VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR);
+        }
+    }
+    void buildOther() const
+    {
+        gpu.submit([&](VkCommandBuffer commands) { other.record(commands); });
+    }
+
+    Gpu &gpu;
+    Blas blas, other;
+    Tlas tlas;
+};
+
+// Builds both levels, with something between.
+void buildLevels(Gpu &gpu, const Record &between)
+{
+    Levels levels(gpu);
+    levels.tlas.prepare(std::array{instance(levels.blas, {}, 0)});
+    gpu.submit([&](VkCommandBuffer commands) {
+        levels.blas.record(commands);
+        between(commands);
+        levels.tlas.record(commands);
+    });
+}
+
+void topAfterBottom(Gpu &gpu, bool wrong)
+{
+    buildLevels(gpu, [wrong](VkCommandBuffer commands) {
+        if (!wrong)
+            barrier(commands);
+    });
+}
+
+// The barrier has what a build reads of the structures, or what it reads of its instances.
+void topAfterOtherAccess(Gpu &gpu, bool wrong)
+{
+    buildLevels(gpu, [wrong](VkCommandBuffer commands) {
+        const auto memory = vkInit<VkMemoryBarrier>(
+            {.srcAccessMask = VK_ACCESS_ACCELERATION_STRUCTURE_WRITE_BIT_KHR,
+             .dstAccessMask =
+                 VkAccessFlags(wrong ? VK_ACCESS_SHADER_READ_BIT : VK_ACCESS_ACCELERATION_STRUCTURE_READ_BIT_KHR)});
+        constexpr auto stage = VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR;
+        vkCmdPipelineBarrier(commands, stage, stage, 0, 1, &memory, 0, nullptr, 0, nullptr);
+    });
+}
+
+// The barrier is before the build of the structure.
+void topAfterEarlierBarrier(Gpu &gpu, bool wrong)
+{
+    Levels levels(gpu);
+    levels.tlas.prepare(std::array{instance(levels.other, {}, 0), instance(levels.blas, {}, 1)});
+    gpu.submit([&](VkCommandBuffer commands) {
+        levels.other.record(commands);
+        if (!wrong)
+            levels.blas.record(commands);
+        barrier(commands);
+        if (wrong)
+            levels.blas.record(commands);
+        levels.tlas.record(commands);
+    });
+}
+
+// Nothing orders the two builds; the right program's instances name another structure, or no ray meets the instance.
+template <bool hasMask>
+void topNamesBottom(Gpu &gpu, bool wrong)
+{
+    Levels levels(gpu);
+    levels.buildOther();
+    const Blas &named = wrong || hasMask ? levels.blas : levels.other;
+    levels.tlas.prepare(
+        std::array{instance(levels.other, {}, 0), instance(named, {}, 1, 0, wrong || !hasMask ? 0xff : 0)});
+    gpu.submit([&](VkCommandBuffer commands) {
+        levels.blas.record(commands);
+        levels.tlas.record(commands);
+    });
+}
+
+// An array of pointers, and two structures that nothing orders, which are reported once.
+void topNamesTwo(Gpu &gpu, bool wrong)
+{
+    Levels levels(gpu);
+    levels.tlas.prepare(std::array{instance(levels.blas, {}, 0), instance(levels.other, {}, 1)}, 0,
+                        VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR, Arrangement::Pointers);
+    gpu.submit([&](VkCommandBuffer commands) {
+        levels.blas.record(commands);
+        levels.other.record(commands);
+        if (!wrong)
+            barrier(commands);
+        levels.tlas.record(commands);
+    });
+}
+
+// Command buffers of one batch, or of two.
+template <bool twoBatches>
+void topInNextCommandBuffer(Gpu &gpu, bool wrong)
+{
+    Levels levels(gpu);
+    levels.tlas.prepare(std::array{instance(levels.blas, {}, 0)});
+    const std::array<VkCommandBuffer, 2> commands{gpu.begin(), gpu.begin()};
+    levels.blas.record(commands[0]);
+    if (!wrong)
+        barrier(commands[1]);
+    levels.tlas.record(commands[1]);
+    for (VkCommandBuffer one : commands)
+        gpu.end(one);
+    const std::array submits{
+        vkInit<VkSubmitInfo>({.commandBufferCount = twoBatches ? 1U : 2U, .pCommandBuffers = commands.data()}),
+        vkInit<VkSubmitInfo>({.commandBufferCount = 1, .pCommandBuffers = &commands[1]})};
+    VT_CHECK(vkQueueSubmit(gpu.queue(), twoBatches ? 2 : 1, submits.data(), VK_NULL_HANDLE));
+    VT_CHECK(vkQueueWaitIdle(gpu.queue()));
+    vkFreeCommandBuffers(gpu.device(), gpu.pool(), 2, commands.data());
+}
+
+// A command writes a structure that instances name.
+void topAfterWrite(Gpu &gpu, bool wrong, const Structure &named, const std::function<void(VkCommandBuffer)> &write)
+{
+    Tlas tlas(gpu);
+    tlas.prepare(std::array{instance(named, {}, 0)});
+    gpu.submit([&](VkCommandBuffer commands) {
+        write(commands);
+        if (!wrong)
+            barrier(commands);
+        tlas.record(commands);
+    });
+}
+
+void topAfterCopy(Gpu &gpu, bool wrong)
+{
+    Levels levels(gpu);
+    levels.buildOther();
+    Blas copy(gpu);
+    copy.create(levels.other.size());
+    topAfterWrite(gpu, wrong, copy,
+                  [&](VkCommandBuffer commands) { recordCopy(gpu, commands, levels.other.handle(), copy.handle()); });
+}
+
+void topAfterCompaction(Gpu &gpu, bool wrong)
+{
+    Levels levels(gpu);
+    levels.buildOther();
+    Blas copy(gpu);
+    copy.create(levels.other.size());
+    topAfterWrite(gpu, wrong, copy, [&](VkCommandBuffer commands) {
+        recordCopy(gpu, commands, levels.other.handle(), copy.handle(),
+                   VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
+    });
+}
+
+void topAfterDeserialization(Gpu &gpu, bool wrong)
+{
+    Levels levels(gpu);
+    levels.buildOther();
+    const Serialized data = serialize(gpu, levels.other);
+    const Buffer memory(gpu, data.total() + 256, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    const VkDeviceAddress begin = (memory.address() + 255) / 256 * 256;
+    std::memcpy(memory.bytes() + (begin - memory.address()), data.bytes().data(), data.total());
+    Blas copy(gpu);
+    copy.create(data.deserializedSize());
+    auto info = vkInit<VkCopyMemoryToAccelerationStructureInfoKHR>(
+        {.dst = copy.handle(), .mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR});
+    info.src.deviceAddress = begin;
+    topAfterWrite(gpu, wrong, copy,
+                  [&](VkCommandBuffer commands) { gpu.vk().CmdCopyMemoryToAccelerationStructureKHR(commands, &info); });
+}
+
+// The structure's memory held another one, which was written without a barrier and is no longer named.
+void topOverReusedMemory(Gpu &gpu, bool wrong)
+{
+    Levels levels(gpu);
+    Blas before(gpu);
+    before.useMemoryOf(levels.blas);
+    before.create(levels.blas.size());
+    levels.buildOther();
+    levels.tlas.prepare(std::array{instance(levels.blas, {}, 0)});
+    gpu.submit([&](VkCommandBuffer commands) {
+        recordCopy(gpu, commands, levels.other.handle(), before.handle());
+        barrier(commands);
+        levels.blas.record(commands);
+        if (!wrong)
+            barrier(commands);
+        levels.tlas.record(commands);
+    });
+}
+
+// The top-level structure was built before.
+void topAfterUpdate(Gpu &gpu, bool wrong)
+{
+    Levels levels(gpu);
+    Geometry geometry;
+    appendTriangle(geometry.vertices, {});
+    constexpr VkFlags kUpdatable = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR;
+    levels.blas.build({geometry}, kUpdatable);
+    levels.tlas.build(std::array{instance(levels.blas, {}, 0)}, kUpdatable);
+    levels.blas.prepare({geometry}, kUpdatable, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
+    levels.tlas.prepare(std::array{instance(levels.blas, {}, 0)}, kUpdatable,
+                        VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
+    gpu.submit([&](VkCommandBuffer commands) {
+        levels.blas.record(commands);
+        if (!wrong)
+            barrier(commands);
+        levels.tlas.record(commands);
+    });
+}
+
 // `upload` writes the triangle of a micromap.
 void uploadAndBuild(Gpu &gpu, bool wrong, const std::function<void(VkCommandBuffer, const Buffer &)> &upload)
 {
@@ -387,6 +603,19 @@ constexpr WrongProgram kPrograms[] = {
     BOTH_APIS(kRaw, kNeedsNothing, copyOfBuild, "Copy"),
     BOTH_APIS(kRaw, kNeedsNothing, copyOfStructure, "CopyOfStructure"),
     BOTH_APIS(kRaw, kNeedsNothing, queryOfBuild, "Query"),
+    BOTH_APIS(kRaw, kNeedsNothing, topAfterBottom, "Top"),
+    {kRaw, Api::Khr, kNeedsNothing, topAfterOtherAccess, "TopOtherAccess"},
+    {kRaw, Api::Khr, kNeedsNothing, topAfterEarlierBarrier, "TopEarlierBarrier"},
+    {kRaw, Api::Khr, kNeedsNothing, topNamesBottom<false>, "TopNames"},
+    {kRaw, Api::Khr, kNeedsNothing, topNamesBottom<true>, "TopMask"},
+    {kRaw, Api::Ext, kNeedsNothing, topNamesTwo, "TopNamesTwo"},
+    {kRaw, Api::Khr, kNeedsNothing, topInNextCommandBuffer<false>, "TopNextCommandBuffer"},
+    {kRaw, Api::Ext, kNeedsNothing, topInNextCommandBuffer<true>, "TopNextBatch"},
+    BOTH_APIS(kRaw, kNeedsNothing, topAfterCopy, "TopCopy"),
+    {kRaw, Api::Khr, kNeedsNothing, topAfterCompaction, "TopCompaction"},
+    {kRaw, Api::Khr, kNeedsNothing, topAfterDeserialization, "TopDeserialization"},
+    {kRaw, Api::Khr, kNeedsNothing, topOverReusedMemory, "TopReusedMemory"},
+    {kRaw, Api::Ext, kNeedsNothing, topAfterUpdate, "TopUpdate"},
     BOTH_APIS(kRaw, kNeedsNothing, updatedInput, "Update"),
     BOTH_APIS(kRaw, kNeedsNothing, copiedInput, "CopiedInput"),
     BOTH_APIS(kRaw, kNeedsNothing, twoBatches<false>, "Batches"),

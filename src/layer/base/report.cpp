@@ -167,18 +167,57 @@ void Reporter::setName(uint64_t object, const std::string &name)
     if (name.empty() && !hasNames_)
         return;
     std::lock_guard lock(mutex_);
+    const auto found = names_.find(object);
+    if (found != names_.end() && found->second.ended) {
+        if (name.empty())
+            return;
+        --endedNames_;
+    }
     if (name.empty())
         names_.erase(object);
     else
-        names_[object] = name;
+        names_[object] = {name};
     hasNames_ = !names_.empty();
+}
+
+void Reporter::endName(uint64_t object)
+{
+    if (!hasNames_)
+        return;
+    std::lock_guard lock(mutex_);
+    const auto found = names_.find(object);
+    if (found == names_.end() || found->second.ended)
+        return;
+    found->second.ended = true;
+    if (++endedNames_ <= kMostEnded)
+        return;
+    std::erase_if(names_, [](const auto &name) { return name.second.ended; });
+    endedNames_ = 0;
+}
+
+void Reporter::beginName(uint64_t object)
+{
+    if (!hasNames_)
+        return;
+    std::lock_guard lock(mutex_);
+    const auto found = names_.find(object);
+    if (found == names_.end() || !found->second.ended)
+        return;
+    names_.erase(found);
+    --endedNames_;
+    hasNames_ = !names_.empty();
+}
+
+std::string Reporter::findName(uint64_t object) const
+{
+    const auto found = names_.find(object);
+    return found == names_.end() ? std::string() : found->second.text;
 }
 
 std::string Reporter::nameOf(uint64_t object)
 {
     std::lock_guard lock(mutex_);
-    const auto found = names_.find(object);
-    return found == names_.end() ? std::string() : found->second;
+    return findName(object);
 }
 
 HeldMessages::HeldMessages() : isInner_(held != nullptr)
@@ -226,8 +265,7 @@ try {
         // A callback may create or destroy messengers: it is called without the lock.
         std::lock_guard lock(mutex_);
         messengers = messengers_;
-        if (const auto it = names_.find(message.object); it != names_.end())
-            objectName = it->second;
+        objectName = findName(message.object);
     }
     const bool prints = levelOf(message.severity) <= (messengers.empty() ? levelAlone_ : level_);
     const std::string line = prints || !file_.empty() ? lineOf(message.id, message.text) : std::string();

@@ -38,6 +38,10 @@ public:
     // Name of an object, for messages about it; empty: the object has none any more.
     void setName(uint64_t object, const std::string &name);
     [[nodiscard]] std::string nameOf(uint64_t object);
+    // The object is destroyed: messages use its name until another one has the handle.
+    void endName(uint64_t object);
+    // Another object has the handle, and no name yet.
+    void beginName(uint64_t object);
 
     // `id`: a short name ("VELLUM-micromap-build"), or the id of the violated rule ("VUID-..."), before which messages
     // have "VELLUM-".
@@ -79,6 +83,13 @@ private:
     static void call(const Messenger &messenger, const Sent &message);
     // Counts a message of an id. Returns whether it is sent.
     bool isWithinLimit(const std::string &id);
+    // With the mutex.
+    [[nodiscard]] std::string findName(uint64_t object) const;
+    struct Name {
+        std::string text;
+        bool ended = false; // the object was destroyed
+    };
+    static constexpr uint32_t kMostEnded = 1u << 16; // beyond it, all are forgotten
 
     ReportLevel level_ = ReportLevel::None;      // on stderr
     ReportLevel levelAlone_ = ReportLevel::None; // as above, without a messenger
@@ -89,8 +100,9 @@ private:
     std::mutex mutex_;
     std::vector<Messenger> messengers_;
     std::vector<std::string> settingFaults_; // faults that no messenger has received
-    std::unordered_map<uint64_t, std::string> names_;
-    std::atomic<bool> hasNames_ = false;             // read without the mutex
+    std::unordered_map<uint64_t, Name> names_;
+    std::atomic<bool> hasNames_ = false; // read without the mutex
+    uint32_t endedNames_ = 0;
     std::unordered_map<std::string, uint32_t> sent_; // messages of each id
 };
 

@@ -304,8 +304,11 @@ Found misaligned(const Build &c, uint64_t alignment)
     return when(
         input != nullptr,
         [&] {
-            return std::string(input) + ", at " + hex(c.build.data.deviceAddress) + " and " +
-                   hex(c.build.triangles.deviceAddress) + ": not a multiple of " + std::to_string(alignment);
+            std::string addresses;
+            for (const VkDeviceAddress address : {c.build.data.deviceAddress, c.build.triangles.deviceAddress})
+                if (address % alignment != 0)
+                    addresses += (addresses.empty() ? "" : " and ") + hex(address);
+            return std::string(input) + ", at " + addresses + ": not a multiple of " + std::to_string(alignment);
         },
         c.ifRead(Tolerate));
 }

@@ -11,14 +11,14 @@ namespace
 {
 
 // Keeps the names that messages use. Returns whether the object is a layer object, whose handle the driver does not
-// know. Acceleration structures of the driver are named in messages as well, where the layer or validation sees their
-// destruction, which ends the name.
+// know. Micromaps and acceleration structures of the driver are named in messages as well, where the layer or
+// validation sees their destruction, which ends the name.
 bool keepName(DeviceState &device, VkObjectType type, uint64_t object, const char *name)
 {
     const bool own = device.own(type, object);
     const Driver &driver = device.driver;
     const bool isSeen = driver.providesMicromaps() || (driver.enabled.any() && driver.settings->validate.any());
-    if (own || (type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR && isSeen))
+    if (own || ((type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR || type == VK_OBJECT_TYPE_MICROMAP_EXT) && isSeen))
         driver.report().setName(object, name ? name : "");
     return own;
 }

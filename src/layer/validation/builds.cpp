@@ -75,6 +75,7 @@ void micromapBuilt(DeviceValidation &device, VkCommandBuffer commandBuffer, cons
 void recordBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, const input::Builds &builds)
 {
     GpuBuildChecks checks(device.gpu, commandBuffer, builds.command);
+    std::vector<std::shared_ptr<const StructureContents>> built;
     for (const input::MicromapBuild &build : builds.micromaps) {
         if (build.khr && !build.hasData)
             continue;
@@ -88,9 +89,12 @@ void recordBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, const
         const auto target = device.objects.structureOf(build.given->dstAccelerationStructure);
         findReference(device, target);
         construct(device, commandBuffer, target, contents);
+        built.push_back(contents);
     }
     checks.record();
     sync::recordBuilds(device.sync, commandBuffer, builds);
+    for (size_t i = 0; i < built.size(); ++i)
+        sync::recordReferences(device.sync, commandBuffer, builds, builds.structures[i], built[i]);
 }
 
 // The micromaps that structures are built with.

@@ -56,6 +56,7 @@ void addStructure(DeviceValidation &device, ObjectHandle handle, VkAccelerationS
     auto structure = std::make_shared<ValidatedStructure>();
     structure->handle = handle;
     device.objects.destroyed.remove(handle);
+    device.driver.report().beginName(handle.handle);
     structure->number = ++device.numbers;
     structure->type = type;
     structure->createFlags = flags;
@@ -98,7 +99,9 @@ void setLost(DeviceValidation &device, const ValidatedStructure &structure, cons
         if (mayBeDiscardable(device, structure))
             return;
     }
-    remember(device.objects, [&] { device.objects.lost.add(structure, {++device.numbers, structure.handle, how}); });
+    remember(device.objects, [&] {
+        device.objects.lost.add(structure, {++device.numbers, structure.handle, how, device.nameOf(structure.handle)});
+    });
     if (structure.record)
         remember(device.objects, [&] { device.records.setDestroyed(*structure.record); });
 }
@@ -160,6 +163,7 @@ bool destroy(DeviceValidation &device, Handle handle, HandleMap<Handle, std::sha
     structure->destroyed = true;
     remember(device.objects, [&] { device.objects.destroyed.add(structure->handle); });
     setLost(device, *structure, "was destroyed");
+    remember(device.objects, [&] { device.driver.report().endName(structure->handle.handle); });
     return true;
 }
 
@@ -419,7 +423,6 @@ void destroyAccelerationStructure(DeviceValidation &device, VkDevice handle, VkA
 {
     if (!destroy(device, structure, device.objects.structures, kStructure, allocator != nullptr))
         return;
-    device.driver.report().setName(reinterpret_cast<uint64_t>(structure), "");
     device.next.DestroyAccelerationStructureKHR(handle, structure, allocator);
 }
 

@@ -17,6 +17,7 @@ void reportFindings(DeviceValidation &device, bool idle)
     device.gpu.report(idle);
     device.traces.marks.report(device, idle);
     device.traces.traced.report(device);
+    device.sync.unorderedBuilds.report(device);
 }
 
 } // namespace

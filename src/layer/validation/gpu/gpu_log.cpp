@@ -107,7 +107,8 @@ BrokenRule attachedCountsRule(const Finding &f)
 BrokenRule geometryRule(const Finding &f, bool khr, const std::string &micromap)
 {
     const auto rule = [khr](const char *vuid) { return khr ? vuid : "VELLUM-micromap-index"; };
-    const std::string rest = " is outside the " + number(f.value1) + " triangles of micromap " + micromap;
+    const char *const empty = f.value1 == 0 ? ", which was built with usage counts that sum to 0" : "";
+    const std::string rest = " is outside the " + number(f.value1) + " triangles of micromap " + micromap + empty;
     switch (f.what & kFindingMask) {
     case kFindingIndex:
         return {rule("VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11575"),

@@ -56,7 +56,8 @@ void setContents(DeviceModel &device, const std::shared_ptr<ValidatedStructure> 
     before->contents = nullptr;
     before->overwrittenBy = structure->handle;
     if (!isDiscardable)
-        device.objects.lost.add(*before, {structure->since, before->handle, "was overwritten by another structure"});
+        device.objects.lost.add(*before, {structure->since, before->handle, "was overwritten by another structure",
+                                          device.nameOf(before->handle)});
 }
 
 void setAttached(ValidatedStructure &micromap, bool isOrdered)

@@ -11,6 +11,7 @@
 #include <new>
 #include <optional>
 #include <set>
+#include <string>
 #include <unordered_map>
 #include <vector>
 
@@ -214,6 +215,7 @@ public:
         uint64_t number = 0; // DeviceModel::numbers at that time
         ObjectHandle handle;
         const char *how = nullptr; // a clause
+        std::string name{};        // for messages: another object may have the handle since
     };
     // A loss after which the structure was not constructed again stays the one that is found.
     void add(const ValidatedStructure &structure, const Loss &loss);

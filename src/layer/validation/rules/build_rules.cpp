@@ -299,15 +299,32 @@ void checkUsages(const RuleCheck &check, const input::Attachment &attachment,
     });
 }
 
+// An index stride of 0 is valid; an application that leaves it at 0 by mistake gets micromaps all the same.
+void warnOfStride(const RuleCheck &check, const input::Attachment &attachment, uint32_t triangles)
+{
+    if (attachment.indexType == VK_INDEX_TYPE_NONE_KHR || attachment.indexStride != 0 ||
+        attachment.indexBuffer.deviceAddress == 0 || triangles < 2)
+        return;
+    const ObjectHandle object = check.object();
+    check.model().driver.report().warning("VELLUM-attachment-index-stride",
+                                          check.place().text() + ".indexStride: it is 0, so that all " +
+                                              std::to_string(triangles) + " triangles have the first index",
+                                          object.type, object.handle);
+}
+
 void checkAttachments(const RuleCheck &check, const input::StructureBuild &build)
 {
     for (uint32_t g = 0; g < build.geometries.size(); ++g) {
         const auto &attachment = build.geometries[g].attachment;
-        const auto micromap = attachment ? check.model().objects.structureOf(attachment->micromap) : nullptr;
-        if (!micromap)
+        if (!attachment)
             continue;
         const Place element = check.place().element("pGeometries", g);
         const Place place = element.member("geometry.triangles");
+        if (build.ranges.direct)
+            warnOfStride(check.at(place), *attachment, build.ranges.primitives(g));
+        const auto micromap = check.model().objects.structureOf(attachment->micromap);
+        if (!micromap)
+            continue;
         checkConstructed(check.at(place), micromap,
                          attachment->khr ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11701"
                                          : "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11632");

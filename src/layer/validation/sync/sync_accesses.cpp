@@ -90,7 +90,7 @@ Location locationIn(const DeviceModel &device, VkBuffer handle, VkDeviceSize off
     return {memoryIn(buffer.get(), offset, size), buffer->exclusive, buffer->handle, buffer};
 }
 
-void report(DeviceModel &device, const Hazard &hazard)
+void report(DeviceModel &device, const Hazard &hazard, const ByInstance *by)
 {
     const char *id = hazard.kind == HazardKind::ReadAfterWrite    ? "VELLUM-sync-read-after-write"
                      : hazard.kind == HazardKind::WriteAfterRead  ? "VELLUM-sync-write-after-read"
@@ -99,12 +99,18 @@ void report(DeviceModel &device, const Hazard &hazard)
     const Access &later = hazard.later;
     std::string text = placeOf(later);
     text += text.find(": ") == std::string::npos ? ": " : " ";
+    if (by)
+        text += "builds " + device.nameOf(by->top) + " and ";
     text += later.writes ? "writes " : "reads ";
-    text += std::string(later.subject) + " " + device.nameOf(later.object) + " that " + placeOf(hazard.earlier) +
-            (hazard.earlier.writes ? " wrote" : " read");
+    text += std::string(later.subject) + " " + device.nameOf(later.object) +
+            (by ? ", of instance " + std::to_string(by->instance) + "," : std::string()) + " that " +
+            placeOf(hazard.earlier) + (hazard.earlier.writes ? " wrote" : " read");
     if (hazard.earlier.object.handle != later.object.handle)
         text += std::string(" as ") + hazard.earlier.subject + " " + device.nameOf(hazard.earlier.object);
     text += whereText(hazard) + std::string("; ") + reasonText(hazard);
+    if (by && by->others != 0)
+        text += "; the same is true of " + (by->others == 1 ? "the structure of another instance"
+                                                            : "those of " + std::to_string(by->others) + " others");
     device.driver.report().error(id, text, later.object.type, later.object.handle);
 }
 
@@ -159,7 +165,11 @@ public:
         element_ = index;
     }
     void reads(const char *subject, Scope scope, const Location &location) { add(subject, scope, location, false); }
-    void writes(const char *subject, Scope scope, const Location &location) { add(subject, scope, location, true); }
+    // `reference`: as of Access.
+    void writes(const char *subject, Scope scope, const Location &location, VkDeviceAddress reference = 0)
+    {
+        add(subject, scope, location, true, reference);
+    }
     void refers(const char *subject, const std::shared_ptr<ValidatedStructure> &structure)
     {
         if (!structure)
@@ -210,12 +220,12 @@ private:
         std::shared_ptr<ReferredObject> object;
         CommandUse use;
     };
-    void add(const char *subject, Scope scope, const Location &location, bool writes)
+    void add(const char *subject, Scope scope, const Location &location, bool writes, VkDeviceAddress reference = 0)
     {
         uses(subject, location.buffer, location.address);
         if (location.range.empty())
             return;
-        const Access access{location.range, scope,  writes,   false,   location.exclusive,
+        const Access access{location.range, scope,  writes,   false,   location.exclusive, reference,
                             command_,       array_, element_, subject, location.object};
         // A build names a micromap again for each geometry.
         if (accesses_.empty() || !(accesses_.back().range == access.range) || accesses_.back().writes != writes)
@@ -247,7 +257,10 @@ void readStructure(Recorder &recorder, Scope scope, const std::shared_ptr<Valida
 void writeStructure(Recorder &recorder, Scope scope, const std::shared_ptr<ValidatedStructure> &structure)
 {
     recorder.refers(subjectOf(structure), structure);
-    recorder.writes(subjectOf(structure), scope, locationOf(structure.get()));
+    const bool mayBeNamed =
+        structure && !structure->isMicromap() && structure->type != VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+    recorder.writes(subjectOf(structure), scope, locationOf(structure.get()),
+                    mayBeNamed ? structure->referenceAddress.load() : 0);
 }
 
 // The accesses of copies and queries to a structure, by its extension. An unknown structure is not accessed.
@@ -458,6 +471,7 @@ void record(DeviceSync &sync, VkCommandBuffer commandBuffer, const TransferRegio
                                     writes,
                                     true,
                                     location.exclusive,
+                                    0,
                                     region.command,
                                     region.array,
                                     region.index,

@@ -13,6 +13,7 @@
 #include "layer/base/handle_map.h"
 #include "layer/input/builds.h"
 #include "layer/validation/model/device_model.h"
+#include "layer/validation/sync/sync_references.h"
 #include "layer/validation/sync/sync_tracker.h"
 #include "vk/newer.h"
 
@@ -22,6 +23,7 @@ namespace vellum::layer
 struct DeviceSync {
     DeviceModel &device;
     sync::Tracker tracker{};
+    UnorderedBuilds unorderedBuilds{};
     HandleMap<VkSemaphore, bool> timelines{};
 };
 
@@ -31,6 +33,11 @@ namespace sync
 // --- Accesses of commands; nothing is recorded where `sync` is off.
 
 void recordBuilds(DeviceSync &, VkCommandBuffer, const input::Builds &builds);
+
+// The build of a top-level structure, after those of its command: what its instances name. `contents`: with the
+// instances, if they are captured.
+void recordReferences(DeviceSync &, VkCommandBuffer, const input::Builds &builds, const input::StructureBuild &build,
+                      const std::shared_ptr<const StructureContents> &contents);
 
 // Copies and queries of structures and micromaps. A null one is unknown.
 void recordCopy(DeviceSync &, VkCommandBuffer, const char *command, const std::shared_ptr<ValidatedStructure> &source,
@@ -117,7 +124,13 @@ std::string placeOf(const Part &part)
     const Place command(part.command);
     return part.array ? command.element(part.array, part.element).text() : command.text();
 }
-void report(DeviceModel &device, const Hazard &hazard);
+// The structure of the later access is that of an instance.
+struct ByInstance {
+    ObjectHandle top; // the structure that has the instance
+    uint32_t instance = 0;
+    size_t others = 0; // structures of further instances, of which the same is true
+};
+void report(DeviceModel &device, const Hazard &hazard, const ByInstance *by = nullptr);
 // Structures that a submitted command refers to.
 void reportDestroyed(DeviceModel &device, const Submission &submission, const char *command,
                      const std::vector<std::shared_ptr<ValidatedStructure>> &structures);

@@ -13,6 +13,8 @@ constexpr size_t kMostBarriers = size_t{1} << 20;
 // Batches of a queue that are not known to be complete. Where there are more, the older half counts as complete: the
 // application learns of it by other means.
 constexpr size_t kMostBatches = size_t{1} << 16;
+// Structures that a queue has written. Where there are more, they count as ordered.
+constexpr size_t kMostStructures = size_t{1} << 16;
 
 constexpr VkPipelineStageFlags2 kAllStages = ~VkPipelineStageFlags2{VK_PIPELINE_STAGE_2_HOST_BIT};
 constexpr VkPipelineStageFlags2 kGraphicsStages =
@@ -550,7 +552,34 @@ std::vector<Hazard> Tracker::access(QueueKey key, std::span<const Access> access
         });
         if (first)
             hazards.push_back(std::move(*first));
+        auto &structures = queues_[index].structures;
+        if (one.reference == 0)
+            continue;
+        if (structures.size() == kMostStructures)
+            structures.clear();
+        structures.emplace(one.range.memory, one.range.begin);
     }
+    return hazards;
+}
+
+std::vector<Hazard> Tracker::unorderedStructures(QueueKey key, const Access &read)
+{
+    std::lock_guard lock(mutex_);
+    const size_t index = indexOf(key);
+    Queue &queue = queues_[index];
+    std::vector<Hazard> hazards;
+    std::erase_if(queue.structures, [&](const std::pair<uint64_t, uint64_t> &first) {
+        bool isUnordered = false; // what is ordered once is ordered before all later reads
+        visitOverlapping({first.first, first.second, first.second + 1}, [&](Entry &entry) {
+            if (!entry.write || entry.write->access.reference == 0 || entry.write->queue != index)
+                return; // something else was written there since
+            auto hazard = compare(*entry.write, read, index);
+            isUnordered = hazard || entry.write->position == queue.position;
+            if (hazard)
+                hazards.push_back(std::move(*hazard));
+        });
+        return !isUnordered;
+    });
     return hazards;
 }
 

@@ -13,6 +13,7 @@
 #include <map>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <span>
 #include <unordered_map>
 #include <vector>
@@ -45,6 +46,8 @@ struct Access {
     bool writes = false;
     bool transfer = false;  // of two transfers, neither is about micromaps or structures: they are not compared
     bool exclusive = false; // the buffer belongs to one queue family at a time
+    // By which instances of a top-level structure may name the structure that is written; 0: none does.
+    VkDeviceAddress reference = 0;
     // For messages
     const char *command = nullptr;
     const char *array = nullptr; // and element of it; null: the command has one subject
@@ -92,6 +95,9 @@ public:
     uint64_t beginBatch(QueueKey queue, uint32_t family, std::span<const SemaphoreUse> waits, bool ordered = true);
     // Accesses of one command, which are not compared with each other. At most one hazard for each access.
     std::vector<Hazard> access(QueueKey queue, std::span<const Access> accesses);
+    // For the command whose accesses were the last: the writes of structures with a reference, by earlier commands of
+    // its queue, that nothing orders before `read`, of which the range is ignored.
+    std::vector<Hazard> unorderedStructures(QueueKey queue, const Access &read);
     void barriers(QueueKey queue, std::span<const Barrier> barriers);
     void transfers(QueueKey queue, std::span<const Transfer> transfers);
     void setEvent(QueueKey queue, uint64_t event);
@@ -151,6 +157,9 @@ private:
         std::deque<QueuedBarrier> barriers;
         std::deque<std::pair<uint64_t, uint64_t>> ends; // of batches: number, position
         uint64_t forgotten = 0;                         // barriers before that position
+        // First bytes, each with its memory, of structures with a reference that the queue wrote and that are not known
+        // to be ordered before all later builds.
+        std::set<std::pair<uint64_t, uint64_t>> structures;
     };
     struct EventSet {
         size_t queue = 0;

@@ -287,7 +287,9 @@ std::optional<LostPart> lostPart(const DeviceModel &device, const TraceUse &use,
         const auto contents = structure->contents;
         if (!contents) {
             if (structure->number < use.number && !isNotConstructed(device, *structure).empty())
-                return LostPart{i, {.handle = structure->handle, .how = "was never built"}};
+                return LostPart{
+                    i,
+                    {.handle = structure->handle, .how = "was never built", .name = device.nameOf(structure->handle)}};
             continue;
         }
         if (structure->since > use.number)
@@ -342,9 +344,9 @@ void TracedStructures::check(const DeviceModel &device, const Traced &traced,
     if (!part)
         return;
     const std::string what = part->structure
-                                 ? "micromap " + device.nameOf(part->loss.handle) + " of geometry " +
-                                       std::to_string(part->geometry) + " of " + device.nameOf(part->structure->handle)
-                                 : "structure " + device.nameOf(part->loss.handle);
+                                 ? "micromap " + part->loss.name + " of geometry " + std::to_string(part->geometry) +
+                                       " of " + device.nameOf(part->structure->handle)
+                                 : "structure " + part->loss.name;
     reportLost(device, use, what + ", of instance " + std::to_string(part->instance) + ", " + part->loss.how);
 }
 
