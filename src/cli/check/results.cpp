@@ -192,6 +192,8 @@ void writeCauses(const char *name, const std::vector<CauseTally> &causes, JsonWr
         json.member("case", nameOf(cause.first->id));
         if (const auto &details = cause.first->details; details != nullptr) {
             json.member("detail", details->text);
+            if (details->before != 0)
+                json.member("before", details->before);
             if (!details->reproducer.empty())
                 json.member("reproducer", details->reproducer);
         }
@@ -207,8 +209,13 @@ void appendCauses(const char *heading, const std::vector<CauseTally> &causes, co
     for (const CauseTally &cause : causes) {
         text += fmt::format("  {}\n    {}, the first of which is {}\n", cause.cause, counted(cause.count, "case"),
                             nameOf(cause.first->id));
-        if (const auto &details = cause.first->details; details != nullptr && !details->reproducer.empty())
-            text += fmt::format("    vellum check {}--replay {}\n", facts.replayOptions, details->reproducer);
+        const auto &details = cause.first->details;
+        if (details == nullptr || details->reproducer.empty())
+            continue;
+        if (details->before != 0)
+            text += fmt::format("    only after the {} before it in its process, which this runs first:\n",
+                                counted(details->before, "case"));
+        text += fmt::format("    vellum check {}--replay {}\n", facts.replayOptions, details->reproducer);
     }
 }
 
@@ -330,6 +337,8 @@ std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &re
             json.member("cause", result->cause());
         if (result->details != nullptr && !result->details->text.empty())
             json.member("detail", result->details->text);
+        if (result->details != nullptr && result->details->before != 0)
+            json.member("before", result->details->before);
         json.end();
     });
     json.end();
@@ -410,8 +419,10 @@ std::string OutputFolder::writeFailure(const Finished &finished, uint64_t seed)
     const std::filesystem::path path = reproducerIn(path_, finished.id);
     // Larger cases are not shrunk: the seed makes them.
     const std::string &shrunk = finished.outcome.reproducer;
-    writeWhole(path, write(Reproducer{name, finished.id.api, std::string(finished.id.group->name), seed,
-                                      shrunk.size() <= kMostReproducerBytes ? shrunk : std::string()}));
+    writeWhole(path,
+               write(Reproducer{name, finished.id.api, std::string(finished.id.group->name), seedOf(seed, finished.id),
+                                shrunk.size() <= kMostReproducerBytes ? shrunk : std::string(),
+                                earlierCases(finished.before, seed)}));
     for (const check::OutcomeFile &file : finished.outcome.files)
         writeWhole(path_ / kFailures / (name + "." + file.extension), file.bytes);
     return utf8Text(path);
@@ -476,7 +487,10 @@ CaseResult caseOf(const rapidjson::Value &object, const std::filesystem::path &f
                       .verdict = *verdict,
                       .seconds = numberOf(object, "seconds"),
                       .rays = static_cast<uint64_t>(numberOf(object, "rays"))};
-    CaseResult::Details details{JsonReader::textOr(object, "cause"), JsonReader::textOr(object, "detail"), {}};
+    CaseResult::Details details{JsonReader::textOr(object, "cause"),
+                                JsonReader::textOr(object, "detail"),
+                                {},
+                                object.HasMember("before") ? JsonReader::numberOf(object, "before") : 0};
     if (result.status == check::Status::Pass && details.cause.empty())
         return result;
     if (const std::filesystem::path file = OutputFolder::reproducerIn(folder, *id); std::filesystem::exists(file))

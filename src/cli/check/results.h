@@ -32,6 +32,7 @@ struct CaseResult {
         std::string cause;
         std::string text;
         std::string reproducer; // its path; empty if none
+        size_t before = 0;      // it fails only after as many cases in the same process
     };
     std::shared_ptr<const Details> details;
 
@@ -120,7 +121,7 @@ public:
     OutputFolder(std::filesystem::path path, bool force);
 
     // Writes the reproducer of a failure and its account, for the first failures with each cause. Returns its path;
-    // empty if none was written.
+    // empty if none was written. The seed is that of the run.
     std::string writeFailure(const Finished &finished, uint64_t seed);
     // The file of a failure in the folder of a run.
     static std::filesystem::path reproducerIn(const std::filesystem::path &folder, const CaseId &id);

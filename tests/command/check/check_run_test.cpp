@@ -225,6 +225,71 @@ TEST_F(Check, PassingTheSecondTimeIsAFlake)
     EXPECT_NE(check.outcome.output.find("2 flakes"), std::string::npos) << check.outcome.output;
 }
 
+// The cases before it are shrunk from the front.
+TEST_F(Check, ACrashThatOtherCasesOfItsProcessCauseIsAFailure)
+{
+    const CheckRun check = run({"worn.*"}, {"--jobs", "1"});
+    EXPECT_EQ(check.outcome.exitCode, 1);
+    EXPECT_EQ(check.failures, (Statuses{{"khr.worn.0007", "Crash"}}));
+    const std::filesystem::path file = folder_ / "out/failures/khr.worn.0007.json";
+    EXPECT_NE(check.outcome.output.find("  Crash: " + kCrash +
+                                        "\n    1 case, the first of which is khr.worn.0007\n"
+                                        "    only after the 3 cases before it in its process, which this runs first:\n"
+                                        "    vellum check --replay " +
+                                        file.string() + "\n"),
+              std::string::npos)
+        << check.outcome.output;
+    EXPECT_NE(textOf(folder_ / "out/failures/khr.worn.0007.txt").find("khr.worn.0004, khr.worn.0005, khr.worn.0006\n"),
+              std::string::npos);
+    const Outcome replayed = runVellum({"check", "--replay", file.string()});
+    EXPECT_EQ(replayed.exitCode, 1) << replayed.errors;
+    EXPECT_EQ(
+        replayed.output.find("khr.worn.0007: Crash: " + kCrash +
+                             "\nmicromaps: fake\n"
+                             "run after these in the same process: khr.worn.0004, khr.worn.0005, khr.worn.0006\n"),
+        0U)
+        << replayed.output;
+    const Outcome merged =
+        runVellum({"check", "--output", (folder_ / "all").string(), "--merge", (folder_ / "out").string()});
+    EXPECT_NE(merged.output.find("    only after the 3 cases before it in its process"), std::string::npos)
+        << merged.output;
+    EXPECT_EQ(run({"worn.0007"}).outcome.exitCode, 0);
+}
+
+TEST_F(Check, AHangThatOtherCasesOfItsProcessCauseIsAFailure)
+{
+    const CheckRun check = run({"worn.*"}, {"--jobs", "1", "--timeout", "1"}, {{"VELLUM_FAKE_WORN", "hang"}});
+    EXPECT_EQ(check.outcome.exitCode, 1);
+    EXPECT_EQ(check.failures, (Statuses{{"khr.worn.0007", "Timeout"}}));
+    EXPECT_NE(check.outcome.output.find("    only after the 7 cases before it in its process"), std::string::npos)
+        << check.outcome.output;
+}
+
+TEST_F(Check, ACrashThatDoesNotRepeatIsAFlake)
+{
+    const auto crashOnce = [&](const std::vector<std::string> &arguments) {
+        const TemporaryFolder marks;
+        return run({"crash-once.*"}, arguments, {{"VELLUM_FAKE_FOLDER", marks.path().string()}});
+    };
+    const CheckRun check = crashOnce({"--jobs", "1"});
+    EXPECT_EQ(check.outcome.exitCode, 0) << check.outcome.output;
+    EXPECT_EQ(check.results, (Statuses{{"khr.crash-once.0000", "Flake"},
+                                       {"khr.crash-once.0001", "Flake"},
+                                       {"khr.crash-once.0002", "Flake"}}));
+    const CheckRun failed = crashOnce({"--fail-on-flake"});
+    EXPECT_EQ(failed.outcome.exitCode, 1);
+    EXPECT_NE(failed.outcome.errors.find("vellum: 3 flakes fail the run, by --fail-on-flake\n"), std::string::npos)
+        << failed.outcome.errors;
+    writeFile(folder_ / "flakes", "crash-once\n");
+    const CheckRun known = crashOnce({"--fail-on-flake", "--flakes", (folder_ / "flakes").string()});
+    EXPECT_EQ(known.outcome.exitCode, 0) << known.outcome.errors;
+    EXPECT_EQ(known.results.at("khr.crash-once.0000"), "KnownFlake");
+    EXPECT_EQ(crashOnce({"--fail-on-flake", "--fail-fast", "--jobs", "1"}).results.size(), 1U);
+    const std::string out = (folder_ / "out").string();
+    EXPECT_EQ(runVellum({"check", "--output", out + "2", "--merge", out, "--fail-on-flake"}).exitCode, 1);
+    EXPECT_EQ(runVellum({"check", "--output", out + "2", "--merge", out}).exitCode, 0);
+}
+
 #ifndef _WIN32 // has no limit of file sizes
 TEST_F(Check, ResultsThatCannotBeWrittenArePrinted)
 {
