@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <optional>
 #include <set>
+#include <tuple>
 
 #include "base/error.h"
 #include "base/json_reader.h"
@@ -20,18 +21,26 @@ namespace vellum::cli
 namespace
 {
 
+// In the order of --list.
+bool isBefore(const CaseId &a, const CaseId &b)
+{
+    return a.api != b.api ? a.api == check::Api::Khr : std::tie(a.group, a.number) < std::tie(b.group, b.number);
+}
+
 void add(const CaseResult &result, std::vector<CauseTally> &causes)
 {
     const std::string cause = causeOf(result);
     auto found = std::find_if(causes.begin(), causes.end(), [&](const CauseTally &c) { return c.cause == cause; });
     if (found == causes.end())
-        found = causes.insert(causes.end(), {cause, 0, &result});
+        found = causes.insert(causes.end(), {cause, 0, nullptr, nullptr});
     ++found->count;
-    const auto hasReproducer = [](const CaseResult &r) {
-        return r.details != nullptr && !r.details->reproducer.empty();
+    const auto takeFirst = [&](const CaseResult *&first) {
+        if (first == nullptr || isBefore(result.id, first->id))
+            first = &result;
     };
-    if (hasReproducer(result) && !hasReproducer(*found->first))
-        found->first = &result;
+    takeFirst(found->first);
+    if (result.details != nullptr && !result.details->reproducer.empty())
+        takeFirst(found->reproduced);
 }
 
 // The element of a group, which is added if missing.
@@ -194,9 +203,9 @@ void writeCauses(const char *name, const std::vector<CauseTally> &causes, JsonWr
             json.member("detail", details->text);
             if (details->before != 0)
                 json.member("before", details->before);
-            if (!details->reproducer.empty())
-                json.member("reproducer", details->reproducer);
         }
+        if (cause.reproduced != nullptr)
+            json.member("reproducer", cause.reproduced->details->reproducer);
         json.end();
     });
 }
@@ -209,9 +218,9 @@ void appendCauses(const char *heading, const std::vector<CauseTally> &causes, co
     for (const CauseTally &cause : causes) {
         text += fmt::format("  {}\n    {}, the first of which is {}\n", cause.cause, counted(cause.count, "case"),
                             nameOf(cause.first->id));
-        const auto &details = cause.first->details;
-        if (details == nullptr || details->reproducer.empty())
+        if (cause.reproduced == nullptr)
             continue;
+        const auto &details = cause.reproduced->details;
         if (details->before != 0)
             text += fmt::format("    only after the {} before it in its process, which this runs first:\n",
                                 counted(details->before, "case"));
@@ -394,6 +403,12 @@ namespace
 
 constexpr const char *kFailures = "failures";
 
+// Failures and flakes of a cause have reproducers of their own.
+std::string reproducerKey(const std::string &cause, Verdict verdict)
+{
+    return (isSuccess(verdict) ? "flake: " : "failure: ") + cause;
+}
+
 } // namespace
 
 OutputFolder::OutputFolder(std::filesystem::path path, bool force) : path_(std::move(path))
@@ -413,7 +428,7 @@ OutputFolder::OutputFolder(std::filesystem::path path, bool force) : path_(std::
 
 std::string OutputFolder::writeFailure(const Finished &finished, uint64_t seed)
 {
-    if (++written_[causeOf(finished.outcome)] > kMostReproducers)
+    if (++written_[reproducerKey(causeOf(finished.outcome), finished.verdict)] > kMostReproducers)
         return {};
     const std::string name = nameOf(finished.id);
     const std::filesystem::path path = reproducerIn(path_, finished.id);
@@ -624,12 +639,18 @@ MergedRuns mergeRuns(const std::vector<std::filesystem::path> &paths)
 
 void copyFailures(MergedRuns &runs, const OutputFolder &folder)
 {
+    std::vector<CaseResult *> failures;
     for (CaseResult &result : runs.results)
-        if (result.details && !result.details->reproducer.empty()) {
-            CaseResult::Details details = *result.details;
-            details.reproducer = folder.copyFailure(utf8Path(details.reproducer).parent_path(), result.id);
-            result.details = std::make_shared<CaseResult::Details>(std::move(details));
-        }
+        if (result.details && !result.details->reproducer.empty())
+            failures.push_back(&result);
+    std::ranges::sort(failures, [](const CaseResult *a, const CaseResult *b) { return isBefore(a->id, b->id); });
+    std::map<std::string, size_t> copied;
+    for (CaseResult *result : failures) {
+        CaseResult::Details details = *result->details;
+        const bool more = ++copied[reproducerKey(causeOf(*result), result->verdict)] > OutputFolder::kMostReproducers;
+        details.reproducer = more ? "" : folder.copyFailure(utf8Path(details.reproducer).parent_path(), result->id);
+        result->details = std::make_shared<CaseResult::Details>(std::move(details));
+    }
 }
 
 } // namespace vellum::cli

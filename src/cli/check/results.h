@@ -71,7 +71,8 @@ struct GroupTally {
 struct CauseTally {
     std::string cause;
     size_t count = 0;
-    const CaseResult *first = nullptr;
+    const CaseResult *first = nullptr;      // by number
+    const CaseResult *reproduced = nullptr; // the first one with a reproducer
 };
 
 struct CheckTally {
@@ -131,8 +132,9 @@ public:
     // Writes results.csv, failures.csv, junit.xml and results.json. Throws Error.
     void writeResults(const RunFacts &facts, const std::vector<CaseResult> &results) const;
 
+    static constexpr size_t kMostReproducers = 3; // of each cause
+
 private:
-    static constexpr size_t kMostReproducers = 3;
     static constexpr size_t kMostReproducerBytes = 65000; // of a case
 
     std::filesystem::path path_;
@@ -152,7 +154,7 @@ std::string incompleteIn(const std::filesystem::path &folder);
 // Throws UsageError for other files, and for runs that do not belong together: of other versions of Vellum, devices,
 // seeds, selections or divisions, or with the same case.
 MergedRuns mergeRuns(const std::vector<std::filesystem::path> &runs);
-// Copies the files of their failures to the folder. Throws Error.
+// Copies the files of the first failures of each cause to the folder. Throws Error.
 void copyFailures(MergedRuns &runs, const OutputFolder &folder);
 
 } // namespace vellum::cli
