@@ -178,7 +178,7 @@ CaseSelection selectionOf(const CheckOptions &options)
 
 Expectations expectationsOf(const CheckOptions &options)
 {
-    Expectations expectations;
+    Expectations expectations(options.minutes || options.caseList); // a list may be of a run with --minutes
     if (options.baseline)
         expectations.addBaseline(*options.baseline);
     for (const std::filesystem::path &path : options.skips)

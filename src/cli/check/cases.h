@@ -32,9 +32,9 @@ std::string nameOf(check::Api api, const check::Group &group);
 std::string nameOf(const CaseId &id);
 // Nothing if there is no such group, or the name is not of this form.
 std::optional<CaseId> parseCase(std::string_view name);
-// Returns whether the name of any case is accepted. The cases of a group go on after those of a full run, for
-// --minutes: they are tried up to the number 9999.
-bool anyCase(const std::function<bool(const std::string &name)> &accepts);
+// Returns whether the name of any case is accepted. `endless`: of a run with new cases as well, which follow those of a
+// full run: they are tried up to the number 9999.
+bool anyCase(const std::function<bool(const std::string &name)> &accepts, bool endless);
 // Null if there is none.
 const check::Group *findGroup(std::string_view name);
 
