@@ -363,22 +363,25 @@ std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &r
         width = std::max(width, group.group->name.size() + 4);
     std::string text = fmt::format("{:<{}} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>14} {:>9}\n", "group", width, "cases",
                                    "pass", "fail", "skip", "crash", "timeout", "rays", "seconds");
-    for (const GroupTally &group : tally.groups)
+    for (const GroupTally &group : tally.groups) {
+        if (group.cases == 0) // the run has ended before
+            continue;
         text +=
             fmt::format("{:<{}} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>14} {:>9.1f}\n",
                         fmt::format("{}.{}", nameOf(group.api), group.group->name), width, grouped(group.cases),
                         grouped(group.count({Status::Pass})), grouped(group.count({Status::Fail})),
                         grouped(group.count({Status::Skip})), grouped(group.count({Status::Crash, Status::DeviceLost})),
                         grouped(group.count({Status::Timeout})), grouped(group.rays), group.seconds);
+    }
     appendCauses("failures", tally.failures, facts, text);
     appendCauses("better than the baseline, which is to be updated", tally.improvements, facts, text);
     appendCauses("flakes", tally.flakes, facts, text);
     appendCauses("skipped", tally.skips, facts, text);
     text += littleTested(tally);
     if (!facts.device.knownFaults.empty())
-        text += "\nknown faults of the device, and what is therefore not tested:\n";
-    for (const DeviceSummary::Fault &fault : facts.device.knownFaults)
-        text += fmt::format("  {}\n    {}\n", fault.text, fault.response);
+        text += fmt::format("\nknown faults of the device: {}, because of which some things are not tested: "
+                            "knownFaults in {}\n",
+                            facts.device.knownFaults.size(), kResultsFile);
     const std::string others = otherVerdicts(tally);
     size_t failures = 0;
     for (const auto &[verdict, number] : tally.verdicts)

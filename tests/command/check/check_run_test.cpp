@@ -148,7 +148,9 @@ TEST_F(Check, CasesThatHangHaveAReproducer)
 TEST_F(Check, ReportsNameKnownFaultsOfTheDevice)
 {
     const CheckRun check = run({"good.0000"});
-    EXPECT_NE(check.outcome.output.find("  rays are <green>\n    colours are not compared\n"), std::string::npos)
+    EXPECT_NE(check.outcome.output.find("\nknown faults of the device: 1, because of which some things are not tested: "
+                                        "knownFaults in results.json\n"),
+              std::string::npos)
         << check.outcome.output;
     EXPECT_NE(textOf(folder_ / "out/junit.xml")
                   .find("<property name=\"known fault\" value=\"rays are &lt;green&gt;: colours are not compared\"/>"),
@@ -434,6 +436,8 @@ TEST_F(Check, Interruption)
     EXPECT_EQ(outcome.signal, SIGINT);
     EXPECT_EQ(statusesIn(output / "results.csv").size(), 5U) << outcome.errors;
     EXPECT_NE(outcome.output.find("interrupted"), std::string::npos) << outcome.output;
+    EXPECT_EQ(lineOf(outcome, "khr.good").substr(0, 18), "khr.good        5 ");
+    EXPECT_EQ(outcome.output.find("\nkhr.hang "), std::string::npos) << "no row of zeros\n" << outcome.output;
     const Outcome merged = runVellum({"check", "--output", (folder_ / "all").string(), "--merge", output.string()});
     EXPECT_NE(merged.errors.find("out: interrupted\n"), std::string::npos) << merged.errors;
     const std::string replaced =
