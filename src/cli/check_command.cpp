@@ -469,8 +469,7 @@ class RunProgress
 public:
     // Must be created at the start of the run.
     RunProgress(const RunSettings &settings, const Schedule &schedule, const Results &results)
-        : settings_(settings), schedule_(schedule), results_(results), work_(schedule.work()),
-          cases_(results.size() + schedule.remaining())
+        : settings_(settings), schedule_(schedule), results_(results), cases_(results.size() + schedule.remaining())
     {
     }
     // "120 of 2,240 cases, 1 failure, khr.levels, about 85 s left"
@@ -482,11 +481,11 @@ public:
         text += ", " + counted(results_.failures(), "failure");
         if (const std::string groups = schedule_.running(); !groups.empty())
             text += ", " + groups;
-        const double done = work_ - schedule_.work();
+        const double spent = schedule_.spentSeconds();
         if (settings_.budget)
             text += fmt::format(", {:.0f} s left", std::max(0.0, *settings_.budget - seconds));
-        else if (done > 0)
-            text += fmt::format(", about {:.0f} s left", seconds * schedule_.work() / done);
+        else if (spent > 0) // by as many workers as before
+            text += fmt::format(", about {:.0f} s left", seconds * schedule_.expectedSeconds() / spent);
         return text;
     }
 
@@ -494,7 +493,6 @@ private:
     const RunSettings &settings_;
     const Schedule &schedule_;
     const Results &results_;
-    double work_;
     size_t cases_;
 };
 

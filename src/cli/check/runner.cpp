@@ -255,7 +255,9 @@ void Runner::Slot::finish(check::Outcome outcome, size_t before)
     reportHeld();
     const CaseId id = *std::exchange(current_, std::nullopt);
     const double seconds = since(waitingSince_);
-    if (stream_ != nullptr)
+    if (stream_ != nullptr && failure_)
+        stream_->noteRepeated(seconds);
+    else if (stream_ != nullptr)
         stream_->note(outcome.status, seconds);
     const Verdict verdict = runner_.expectations_.verdictOn(nameOf(id), outcome.status);
     if (failure_) {
