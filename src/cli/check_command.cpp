@@ -484,7 +484,7 @@ public:
         const double spent = schedule_.spentSeconds();
         if (settings_.budget)
             text += fmt::format(", {:.0f} s left", std::max(0.0, *settings_.budget - seconds));
-        else if (spent > 0) // by as many workers as before
+        else if (spent > 0 && 3 * results_.size() >= cases_) // before, it is not known how slow the other groups are
             text += fmt::format(", about {:.0f} s left", seconds * schedule_.expectedSeconds() / spent);
         return text;
     }

@@ -384,6 +384,11 @@ TEST_F(Check, ProgressIsPlainLinesWithoutATerminal)
     EXPECT_NE(lines.find("\nvellum: checking: 1 of 2 cases, 1 failure, khr.hang, about "), std::string::npos) << lines;
     EXPECT_NE(lines.find(" s left\n"), std::string::npos) << lines;
     EXPECT_EQ(std::count_if(lines.begin(), lines.end(), [](char c) { return c < ' ' && c != '\n'; }), 0) << lines;
+    const CheckRun begun =
+        run({"bad.0000", "hang.*", "lost.*"}, {"--jobs", "1", "--timeout", "1", "--progress", "0.2"});
+    EXPECT_NE(begun.outcome.errors.find("\nvellum: checking: 1 of 4 cases, 1 failure, khr.hang\n"), std::string::npos)
+        << "no estimate before a third has ended\n"
+        << begun.outcome.errors;
     const CheckRun timed = run({"hang.*"}, {"--timeout", "1", "--progress", "0.2", "--minutes", "0.01"});
     EXPECT_NE(timed.outcome.errors.find("vellum: checking: 0 cases, 0 failures, khr.hang, 0 s left\n"),
               std::string::npos)
