@@ -44,7 +44,8 @@ constexpr const char *kCheckDetails = R"(
 Tests a device's opacity micromaps, its own or those of the layer, with random cases of VK_KHR_opacity_micromap and
 VK_EXT_opacity_micromap, whose results are compared with an oracle on the CPU. A case is named API.GROUP.NUMBER, such as
 khr.resolution-query.0042; --seed and its name determine it. Cases run in processes of their own: a crash, a hang and a lost
-device are results. A failure is run again in a new process; if it then passes, it is a flake.
+device are results. A failure is run again in a new process; a crash or a hang that does not repeat, then once more after
+the cases that its process ran before it. What passes both times is a flake.
 
 FOLDER gets results.csv and failures.csv as deqp-runner writes them, junit.xml, results.json, and in failures/ the first
 three failing cases of each cause as files for --replay, with what explains them.
@@ -88,6 +89,7 @@ struct CheckOptions {
     std::vector<std::filesystem::path> merge; // folders of runs
     bool quick = false;
     bool failFast = false;
+    bool failOnFlake = false;
     uint32_t jobs = 1;
     uint64_t seed = 1;
     double timeout = 60; // seconds
@@ -176,7 +178,7 @@ CaseSelection selectionOf(const CheckOptions &options)
 
 Expectations expectationsOf(const CheckOptions &options)
 {
-    Expectations expectations;
+    Expectations expectations(options.minutes || options.caseList); // a list may be of a run with --minutes
     if (options.baseline)
         expectations.addBaseline(*options.baseline);
     for (const std::filesystem::path &path : options.skips)
@@ -194,6 +196,7 @@ RunSettings settingsOf(const CheckOptions &options, const DeviceSummary &device)
     settings.jobs = options.jobs;
     settings.timeout = options.timeout;
     settings.failFast = options.failFast;
+    settings.failOnFlake = options.failOnFlake;
     if (options.minutes)
         settings.budget = 60 * *options.minutes;
     return settings;
@@ -296,9 +299,13 @@ std::string notTested(const std::vector<CaseResult> &results)
                            : "all cases were skipped, the first because: " + results.front().cause();
 }
 
-int exitCodeOf(const std::vector<CaseResult> &results)
+int exitCodeOf(const CheckOptions &options, const std::vector<CaseResult> &results)
 {
-    if (!std::ranges::all_of(results, isSuccess, &CaseResult::verdict))
+    const auto flakes = static_cast<size_t>(std::ranges::count(results, Verdict::Flake, &CaseResult::verdict));
+    if (options.failOnFlake && flakes != 0)
+        std::fprintf(stderr, "vellum: %s the run, by --fail-on-flake\n",
+                     counted(flakes, "flake fails", "flakes fail").c_str());
+    if (!std::ranges::all_of(results, isSuccess, &CaseResult::verdict) || (options.failOnFlake && flakes != 0))
         return static_cast<int>(ExitCode::Failed);
     if (const std::string why = notTested(results); !why.empty()) {
         std::fprintf(stderr, "vellum: nothing was tested: %s\n", why.c_str());
@@ -317,7 +324,7 @@ int merge(const CheckOptions &options)
     const OutputFolder output(options.output, options.force);
     copyFailures(merged, output);
     publish(options, output, merged.facts, merged.results);
-    const int code = exitCodeOf(merged.results);
+    const int code = exitCodeOf(options, merged.results);
     if (merged.facts.incomplete.empty())
         return code;
     std::fprintf(stderr, "vellum: the results are not whole: %s\n", merged.facts.incomplete.c_str());
@@ -383,14 +390,12 @@ public:
             ++failures_;
         if (finished.outcome.cause.empty() && result.status == check::Status::Pass)
             return;
-        CaseResult::Details details{finished.outcome.cause, finished.outcome.detail, {}};
+        CaseResult::Details details{finished.outcome.cause, finished.outcome.detail, {}, finished.before.size()};
         std::replace(details.cause.begin(), details.cause.end(), '\n', ' ');
         std::replace_if(details.cause.begin(), details.cause.end(), isControl, '?'); // a driver may have printed it
         const bool ran = finished.verdict != Verdict::Missing && finished.verdict != Verdict::ExpectedFail;
         if (ran && result.status != check::Status::Pass && result.status != check::Status::Skip)
-            tryToWrite(error_, [&] {
-                details.reproducer = folder_.writeFailure(finished, seedOf(options_.seed, finished.id));
-            });
+            tryToWrite(error_, [&] { details.reproducer = folder_.writeFailure(finished, options_.seed); });
         result.details = std::make_shared<CaseResult::Details>(std::move(details));
         if (!isSuccess(result.verdict) && announced_.insert(causeOf(result)).second)
             std::fprintf(stderr, "%s%s: %s\n", isTerminal(stderr) ? "\r\033[K" : "", nameOf(result.id).c_str(),
@@ -421,7 +426,7 @@ public:
     [[nodiscard]] int exitCode() const
     {
         if (!facts_.plan.empty() || !results_.empty() || facts_.shard.empty())
-            return exitCodeOf(results_);
+            return exitCodeOf(options_, results_);
         std::fprintf(stderr, "vellum: shard %s has no cases\n", facts_.shard.c_str());
         return static_cast<int>(ExitCode::Success);
     }
@@ -464,8 +469,7 @@ class RunProgress
 public:
     // Must be created at the start of the run.
     RunProgress(const RunSettings &settings, const Schedule &schedule, const Results &results)
-        : settings_(settings), schedule_(schedule), results_(results), work_(schedule.work()),
-          cases_(results.size() + schedule.remaining())
+        : settings_(settings), schedule_(schedule), results_(results), cases_(results.size() + schedule.remaining())
     {
     }
     // "120 of 2,240 cases, 1 failure, khr.levels, about 85 s left"
@@ -477,11 +481,11 @@ public:
         text += ", " + counted(results_.failures(), "failure");
         if (const std::string groups = schedule_.running(); !groups.empty())
             text += ", " + groups;
-        const double done = work_ - schedule_.work();
+        const double spent = schedule_.spentSeconds();
         if (settings_.budget)
             text += fmt::format(", {:.0f} s left", std::max(0.0, *settings_.budget - seconds));
-        else if (done > 0)
-            text += fmt::format(", about {:.0f} s left", seconds * schedule_.work() / done);
+        else if (spent > 0 && 3 * results_.size() >= cases_) // before, it is not known how slow the other groups are
+            text += fmt::format(", about {:.0f} s left", seconds * schedule_.expectedSeconds() / spent);
         return text;
     }
 
@@ -489,7 +493,6 @@ private:
     const RunSettings &settings_;
     const Schedule &schedule_;
     const Results &results_;
-    double work_;
     size_t cases_;
 };
 
@@ -553,6 +556,8 @@ int replay(const CheckOptions &options, const DeviceSummary &device, const CaseI
     if (!result)
         throw Error("the case was not run");
     fmt::print("{}: {}\nmicromaps: {}\n", nameOf(id), causeOf(result->outcome), device.implementation);
+    if (const std::string before = namesOf(parseReproducer(settings.replay).before); !before.empty())
+        fmt::print("run after these in the same process: {}\n", before);
     const auto &files = result->outcome.files;
     const auto account = std::ranges::find(files, "txt", &check::OutcomeFile::extension);
     if (account != files.end())
@@ -644,6 +649,7 @@ void declareSelection(CLI::App &command, CheckOptions &options)
             "Only the cases of part K of N, of which each machine runs another; --merge puts them together")
         ->type_name("K/N");
     command.add_flag("--fail-fast", options.failFast, "End with the first failure");
+    command.add_flag("--fail-on-flake", options.failOnFlake, "Flakes that --flakes does not name fail the run");
     command.add_option("--seed", options.seed, "Another number makes other cases [1]")
         ->check(wholeBetween(0, UINT64_MAX))
         ->type_name("NUMBER");
@@ -721,7 +727,8 @@ void checkTogether(const CheckOptions &options)
 // --merge takes the options of what is written only.
 void checkMerge(const CLI::App &command)
 {
-    constexpr std::array kTaken = {"--merge", "--output", "--force", "--results", "--junit", "--json"};
+    constexpr std::array kTaken = {"--merge", "--output", "--force",        "--results",
+                                   "--junit", "--json",   "--fail-on-flake"};
     for (const CLI::Option *option : command.get_options())
         if (const std::string name = option->get_name(); option->count() != 0 && std::ranges::count(kTaken, name) == 0)
             throw UsageError("--merge runs no cases, so it takes no " + name);

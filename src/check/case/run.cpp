@@ -250,8 +250,7 @@ Verdict run(Device &gpu, const Case &c)
             continue;
         verdict.wrongRays.push_back(static_cast<uint32_t>(i));
         // The opacity of a hit describes a fault of several rays, if one does: one fault has one cause.
-        if (!verdict.ray ||
-            (verdict.cause != oracle::kOpacityCause && oracle::causeOf(faults[i]) == oracle::kOpacityCause)) {
+        if (!verdict.ray || oracle::rankOf(oracle::causeOf(faults[i])) > oracle::rankOf(verdict.cause)) {
             verdict.ray = static_cast<uint32_t>(i);
             verdict.cause = oracle::causeOf(faults[i]);
             verdict.detail = "ray " + std::to_string(i) + ": " + faults[i];

@@ -84,5 +84,7 @@ std::string makeCase(Session &session, const Group &group, uint64_t seed);
 // that many seconds, if it crashes or loses the device.
 Outcome runSeparately(const std::string &reproducer, Api api, double seconds,
                       const std::function<Outcome(const std::string &reproducer)> &run);
+// The account of a case that ends its process. `note`: a line about when it does; empty: always.
+OutcomeFile separateAccount(const std::string &reproducer, Api api, const Outcome &outcome, const std::string &note);
 
 } // namespace vellum::check

@@ -32,17 +32,21 @@ Outcome runSeparately(const std::string &reproducer, Api api, double seconds,
     outcome.reproducer = reproducer;
     if (!endsItsProcess(outcome.status) && outcome.status != Status::Timeout)
         return outcome;
-    Case smallest = caseFromJson(reproducer);
     if (seconds > 0 && endsItsProcess(outcome.status)) {
         const auto stillFails = [&](const Case &smaller) {
             const Outcome other = run(toJson(smaller));
             return other.status == outcome.status && other.cause == outcome.cause;
         };
-        smallest = shrink(smallest, stillFails, {.seconds = seconds}).smallest;
-        outcome.reproducer = toJson(smallest);
+        outcome.reproducer = toJson(shrink(caseFromJson(reproducer), stillFails, {.seconds = seconds}).smallest);
     }
-    outcome.files = {{"txt", accountOf(smallest, {.cause = outcome.cause, .detail = inWords(outcome)}, api)}};
+    outcome.files = {separateAccount(outcome.reproducer, api, outcome, {})};
     return outcome;
+}
+
+OutcomeFile separateAccount(const std::string &reproducer, Api api, const Outcome &outcome, const std::string &note)
+{
+    const std::string detail = inWords(outcome) + (note.empty() ? "" : "\n" + note);
+    return {"txt", accountOf(caseFromJson(reproducer), {.cause = outcome.cause, .detail = detail}, api)};
 }
 
 } // namespace vellum::check

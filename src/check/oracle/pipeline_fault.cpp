@@ -352,7 +352,7 @@ private:
             return "tMin read back wrong";
         if (result_.committed == kNone) {
             if (nearest != nullptr && !seen(result_.candidates, *nearest))
-                return opacityFault(scene_, ray_, *nearest, "a miss");
+                return opacityFault(scene_, ray_, *nearest, Deviation::Lost, "a miss");
             if (nearest != nullptr || !generated_.empty())
                 return "an accepted hit was not committed";
             if (by_.table.nullMiss)
@@ -380,7 +380,7 @@ private:
         if (mayStay(double{result_.t}))
             return {};
         if (nearest != nullptr && double{result_.t} > nearest->t + 1e-3 && !seen(result_.candidates, *nearest))
-            return opacityFault(scene_, ray_, *nearest, "none, but a hit farther away");
+            return opacityFault(scene_, ray_, *nearest, Deviation::Lost, "none, but a hit farther away");
         return describe("the committed hit is not the nearest", result_);
     }
 
@@ -395,7 +395,9 @@ private:
             if (h.box && groupOf(h) && !seen(result_.visits, h))
                 return describe("a box is missing", h);
             if (!h.box && isCandidate(h) && !seen(result_.candidates, h))
-                return opacityFault(scene_, ray_, h, "none");
+                return result_.committed == kTriangle && names(h, result_)
+                           ? opacityFault(scene_, ray_, h, Deviation::Reported, "it as the committed hit only")
+                           : opacityFault(scene_, ray_, h, Deviation::Lost, "none");
             if (h.box && isCandidate(h) && ray_.generate > 0 && double{ray_.generate} < limit_ - 1e-3 &&
                 !seen(result_.candidates, h))
                 return describe("a reported hit is missing", h);

@@ -74,17 +74,29 @@ bool culledByFacing(const Scene &scene, const Ray &ray, const Hit &hit)
            (!disabled && (ray.flags & (hit.frontFace ? kRayCullFront : kRayCullBack)) != 0);
 }
 
-std::string opacityFault(const Scene &scene, const Ray &ray, const Hit &hit, const std::string &reported)
+int rankOf(std::string_view cause)
+{
+    return cause == kOpacityCause ? 2 : cause == kNotMetCause || cause == kMetCause ? 1 : 0;
+}
+
+std::string opacityFault(const Scene &scene, const Ray &ray, const Hit &hit, Deviation deviation,
+                         const std::string &reported)
 {
     const Instance &instance = scene.instances[hit.instance];
     const Mesh &mesh = scene.objects[instance.object].meshes[hit.geometry];
     const char *expected = "no hit";
-    if (const Outcome outcome = outcomeOf(hit.state, mesh.opaque, instance.flags, ray.flags);
-        outcome == Outcome::Opaque)
+    std::string_view cause = kOpacityCause;
+    const Outcome outcome = outcomeOf(hit.state, mesh.opaque, instance.flags, ray.flags);
+    const bool plain = !mesh.micromap && !everyTriangleHasMicromap;
+    if (plain && deviation == Deviation::Lost)
+        cause = kNotMetCause;
+    else if (plain && outcome != Outcome::Opaque && outcome != Outcome::NonOpaque)
+        cause = kMetCause;
+    if (outcome == Outcome::Opaque)
         expected = "an opaque hit";
     else if (outcome == Outcome::NonOpaque)
         expected = "a non-opaque candidate";
-    return std::string(kOpacityCause) + " (instance " + std::to_string(hit.instance) + ", geometry " +
+    return std::string(cause) + " (instance " + std::to_string(hit.instance) + ", geometry " +
            std::to_string(hit.geometry) + ", triangle " + std::to_string(hit.primitive) + ": expected " + expected +
            ", as " + reasonFor(scene, ray, hit) + "; the device reported " + reported + ")";
 }
@@ -182,21 +194,21 @@ std::string queryFault(const Scene &scene, const Ray &ray, const std::vector<Hit
                    ")";
         if ((ray.flags & kRayTerminateOnFirstHit) == 0 && hit->t > limit + 1e-3) {
             if (nearest != nullptr && hit->t > nearest->t + 1e-3 && !seen(*nearest))
-                return opacityFault(scene, ray, *nearest, "none, but one farther away");
+                return opacityFault(scene, ray, *nearest, Deviation::Lost, "none, but one farther away");
             return "the committed triangle is not the nearest" + inWords(result);
         }
     } else if (result.committed == kGenerated) {
         if (!generated || (nearest != nullptr && double{ray.generate} > nearest->t + 1e-3 &&
                            (ray.flags & kRayTerminateOnFirstHit) == 0)) {
             if (generated && !seen(*nearest))
-                return opacityFault(scene, ray, *nearest, "none, but the hit of a box farther away");
+                return opacityFault(scene, ray, *nearest, Deviation::Lost, "none, but the hit of a box farther away");
             return "a generated hit that should not be" + inWords(result);
         }
         if (std::none_of(hits.begin(), hits.end(), [&](const Hit &h) { return h.box && names(h, result); }))
             return "the generated hit names no box";
     } else if (nearest != nullptr || generated) {
         if (nearest != nullptr && !seen(*nearest))
-            return opacityFault(scene, ray, *nearest, "none");
+            return opacityFault(scene, ray, *nearest, Deviation::Lost, "none");
         return nearest != nullptr ? "a confirmed candidate was not committed" + inWords(*nearest)
                                   : "a generated hit was not committed";
     }
@@ -211,8 +223,9 @@ std::string queryFault(const Scene &scene, const Ray &ray, const std::vector<Hit
             continue;
         if (h.box)
             return "a box is no candidate that the ray meets" + inWords(h);
-        return opacityFault(scene, ray, h,
-                            result.committed == kTriangle && names(h, result) ? "an opaque hit" : "none");
+        if (result.committed == kTriangle && names(h, result))
+            return opacityFault(scene, ray, h, Deviation::Reported, "an opaque hit");
+        return opacityFault(scene, ray, h, Deviation::Lost, "none");
     }
     return {};
 }

@@ -27,9 +27,18 @@ std::string inWords(const T &x)
 }
 
 inline constexpr std::string_view kOpacityCause = "wrong opacity of a triangle";
+// Of a triangle without a micromap.
+inline constexpr std::string_view kNotMetCause = "a triangle is not met";
+inline constexpr std::string_view kMetCause = "a triangle is met that should not be";
+// The device did not report a triangle that it must report, or reported one otherwise than it must.
+enum class Deviation { Lost, Reported };
 // The fault that a triangle is opaque, non-opaque or ignored otherwise than expected: what is expected of it and why,
-// and what the device reported of it instead.
-std::string opacityFault(const Scene &scene, const Ray &ray, const Hit &hit, const std::string &reported);
+// and what the device reported of it instead. If micromaps cannot be the reason that it is lost or met, the fault has
+// another cause than its opacity.
+std::string opacityFault(const Scene &scene, const Ray &ray, const Hit &hit, Deviation deviation,
+                         const std::string &reported);
+// How well a cause describes the fault of several rays, of which some have other causes.
+int rankOf(std::string_view cause);
 // Returns whether the ray ignores the triangle for another reason than its opacity.
 bool culledByFacing(const Scene &scene, const Ray &ray, const Hit &hit);
 // Describes a hit that the device must not report: with another cause if the ray does not meet that triangle at all.
@@ -38,7 +47,7 @@ std::string opacityFault(const Scene &scene, const Ray &ray, const T &named, con
 {
     if (const std::optional<Hit> hit = hitOf(scene, ray, named.instance, named.geometry, named.primitive);
         hit && hit->customIndex == named.customIndex && !culledByFacing(scene, ray, *hit))
-        return opacityFault(scene, ray, *hit, reported);
+        return opacityFault(scene, ray, *hit, Deviation::Reported, reported);
     return "a hit of something that the ray does not meet" + inWords(named) + ": the device reported " + reported;
 }
 

@@ -46,7 +46,7 @@ std::optional<CaseId> parseCase(std::string_view name)
     return CaseId{name.starts_with("khr") ? check::Api::Khr : check::Api::Ext, group, *number};
 }
 
-bool anyCase(const std::function<bool(const std::string &name)> &accepts)
+bool anyCase(const std::function<bool(const std::string &name)> &accepts, bool endless)
 {
     constexpr uint32_t kMostNumbers = 10000;
     const auto inRange = [&](bool beyond) {
@@ -58,7 +58,7 @@ bool anyCase(const std::function<bool(const std::string &name)> &accepts)
                         return true;
         return false;
     };
-    return inRange(false) || inRange(true);
+    return inRange(false) || (endless && inRange(true));
 }
 
 uint64_t seedOf(uint64_t seed, const CaseId &id)
@@ -134,10 +134,25 @@ size_t Schedule::remaining() const
                            [](size_t sum, const Stream &stream) { return sum + stream.remaining(); });
 }
 
-double Schedule::work() const
+double Schedule::spentSeconds() const
 {
     return std::accumulate(streams_.begin(), streams_.end(), 0.0,
-                           [](double sum, const Stream &stream) { return sum + stream.work(); });
+                           [](double sum, const Stream &stream) { return sum + stream.spent(); });
+}
+
+double Schedule::expectedSeconds() const
+{
+    double done = 0;
+    double begun = 0;    // seconds
+    double notBegun = 0; // work
+    for (const Stream &stream : streams_) {
+        done += stream.workOf(stream.finished());
+        if (stream.finished() != 0)
+            begun += stream.spent() / stream.finished() * static_cast<double>(stream.remaining());
+        else
+            notBegun += stream.workOf(stream.remaining());
+    }
+    return done > 0 ? begun + notBegun * spentSeconds() / done : 0;
 }
 
 std::string Schedule::running() const

@@ -32,9 +32,9 @@ std::string nameOf(check::Api api, const check::Group &group);
 std::string nameOf(const CaseId &id);
 // Nothing if there is no such group, or the name is not of this form.
 std::optional<CaseId> parseCase(std::string_view name);
-// Returns whether the name of any case is accepted. The cases of a group go on after those of a full run, for
-// --minutes: they are tried up to the number 9999.
-bool anyCase(const std::function<bool(const std::string &name)> &accepts);
+// Returns whether the name of any case is accepted. `endless`: of a run with new cases as well, which follow those of a
+// full run: they are tried up to the number 9999.
+bool anyCase(const std::function<bool(const std::string &name)> &accepts, bool endless);
 // Null if there is none.
 const check::Group *findGroup(std::string_view name);
 
@@ -60,16 +60,21 @@ public:
     void note(check::Status status, double ofSeconds)
     {
         seconds += ofSeconds;
+        spent_ += ofSeconds;
         onlySkips_ &= status == check::Status::Skip;
         ++finished_;
     }
+    // Records that a case was run again.
+    void noteRepeated(double ofSeconds) { seconds += ofSeconds; }
     // The number of remaining cases, without those of goOn().
     [[nodiscard]] size_t remaining() const { return numbers_.size() - at_; }
     // "khr.levels"
     [[nodiscard]] std::string name() const;
-    // The duration of the remaining cases, in units of one group's quick run, which takes about the same time for all
-    // groups.
-    [[nodiscard]] double work() const { return static_cast<double>(remaining()) / group_->quickCases(); }
+    // Cases that have ended, and the time of their first runs.
+    [[nodiscard]] uint32_t finished() const { return finished_; }
+    [[nodiscard]] double spent() const { return spent_; }
+    // Cases of a group's quick run take about the same time for all groups: work is counted in it.
+    [[nodiscard]] double workOf(size_t cases) const { return static_cast<double>(cases) / group_->quickCases(); }
 
     unsigned workers = 0; // workers that run its cases now
     double seconds = 0;   // time that its cases took
@@ -80,6 +85,7 @@ private:
     std::vector<uint32_t> numbers_;
     size_t at_ = 0;
     uint32_t finished_ = 0;
+    double spent_ = 0;
     bool onlySkips_ = true;
     std::function<bool(const CaseId &)> wanted_;
 };
@@ -94,7 +100,11 @@ public:
     // The stream that a worker runs next; null at the end.
     Stream *choose();
     [[nodiscard]] size_t remaining() const;
-    [[nodiscard]] double work() const;
+    // The time that the remaining cases take a worker, if those of a stream take as long as the ones that have ended,
+    // and a stream of which none has ended is as fast as the others. 0 if no case has ended.
+    [[nodiscard]] double expectedSeconds() const;
+    // The time of the cases that have ended, without repetitions.
+    [[nodiscard]] double spentSeconds() const;
     [[nodiscard]] size_t streams() const { return streams_.size(); }
     // The groups of the cases that workers run now: "khr.levels, ext.updates".
     [[nodiscard]] std::string running() const;

@@ -45,6 +45,8 @@ bool isImprovement(Verdict verdict);
 class Expectations
 {
 public:
+    // `endless`: for a run with cases after those of a full run.
+    explicit Expectations(bool endless = false) : endless_(endless) {}
     // Adds the results of a file such as failures.csv: name,status[,duration]. Throws UsageError, also for a name of no
     // case.
     void addBaseline(const std::filesystem::path &path);
@@ -58,9 +60,10 @@ public:
 
 private:
     using Expressions = std::vector<std::regex>;
-    static void addExpressions(const std::filesystem::path &path, Expressions &expressions);
+    void addExpressions(const std::filesystem::path &path, Expressions &expressions) const;
     static bool matches(const std::string &name, const Expressions &expressions);
 
+    bool endless_;
     std::map<std::string, Verdict, std::less<>> baseline_;
     Expressions skips_;
     Expressions flakes_;

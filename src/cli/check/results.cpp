@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <optional>
 #include <set>
+#include <tuple>
 
 #include "base/error.h"
 #include "base/json_reader.h"
@@ -20,18 +21,26 @@ namespace vellum::cli
 namespace
 {
 
+// In the order of --list.
+bool isBefore(const CaseId &a, const CaseId &b)
+{
+    return a.api != b.api ? a.api == check::Api::Khr : std::tie(a.group, a.number) < std::tie(b.group, b.number);
+}
+
 void add(const CaseResult &result, std::vector<CauseTally> &causes)
 {
     const std::string cause = causeOf(result);
     auto found = std::find_if(causes.begin(), causes.end(), [&](const CauseTally &c) { return c.cause == cause; });
     if (found == causes.end())
-        found = causes.insert(causes.end(), {cause, 0, &result});
+        found = causes.insert(causes.end(), {cause, 0, nullptr, nullptr});
     ++found->count;
-    const auto hasReproducer = [](const CaseResult &r) {
-        return r.details != nullptr && !r.details->reproducer.empty();
+    const auto takeFirst = [&](const CaseResult *&first) {
+        if (first == nullptr || isBefore(result.id, first->id))
+            first = &result;
     };
-    if (hasReproducer(result) && !hasReproducer(*found->first))
-        found->first = &result;
+    takeFirst(found->first);
+    if (result.details != nullptr && !result.details->reproducer.empty())
+        takeFirst(found->reproduced);
 }
 
 // The element of a group, which is added if missing.
@@ -192,9 +201,11 @@ void writeCauses(const char *name, const std::vector<CauseTally> &causes, JsonWr
         json.member("case", nameOf(cause.first->id));
         if (const auto &details = cause.first->details; details != nullptr) {
             json.member("detail", details->text);
-            if (!details->reproducer.empty())
-                json.member("reproducer", details->reproducer);
+            if (details->before != 0)
+                json.member("before", details->before);
         }
+        if (cause.reproduced != nullptr)
+            json.member("reproducer", cause.reproduced->details->reproducer);
         json.end();
     });
 }
@@ -207,8 +218,13 @@ void appendCauses(const char *heading, const std::vector<CauseTally> &causes, co
     for (const CauseTally &cause : causes) {
         text += fmt::format("  {}\n    {}, the first of which is {}\n", cause.cause, counted(cause.count, "case"),
                             nameOf(cause.first->id));
-        if (const auto &details = cause.first->details; details != nullptr && !details->reproducer.empty())
-            text += fmt::format("    vellum check {}--replay {}\n", facts.replayOptions, details->reproducer);
+        if (cause.reproduced == nullptr)
+            continue;
+        const auto &details = cause.reproduced->details;
+        if (details->before != 0)
+            text += fmt::format("    only after the {} before it in its process, which this runs first:\n",
+                                counted(details->before, "case"));
+        text += fmt::format("    vellum check {}--replay {}\n", facts.replayOptions, details->reproducer);
     }
 }
 
@@ -330,6 +346,8 @@ std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &re
             json.member("cause", result->cause());
         if (result->details != nullptr && !result->details->text.empty())
             json.member("detail", result->details->text);
+        if (result->details != nullptr && result->details->before != 0)
+            json.member("before", result->details->before);
         json.end();
     });
     json.end();
@@ -345,22 +363,25 @@ std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &r
         width = std::max(width, group.group->name.size() + 4);
     std::string text = fmt::format("{:<{}} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>14} {:>9}\n", "group", width, "cases",
                                    "pass", "fail", "skip", "crash", "timeout", "rays", "seconds");
-    for (const GroupTally &group : tally.groups)
+    for (const GroupTally &group : tally.groups) {
+        if (group.cases == 0) // the run has ended before
+            continue;
         text +=
             fmt::format("{:<{}} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>14} {:>9.1f}\n",
                         fmt::format("{}.{}", nameOf(group.api), group.group->name), width, grouped(group.cases),
                         grouped(group.count({Status::Pass})), grouped(group.count({Status::Fail})),
                         grouped(group.count({Status::Skip})), grouped(group.count({Status::Crash, Status::DeviceLost})),
                         grouped(group.count({Status::Timeout})), grouped(group.rays), group.seconds);
+    }
     appendCauses("failures", tally.failures, facts, text);
     appendCauses("better than the baseline, which is to be updated", tally.improvements, facts, text);
     appendCauses("flakes", tally.flakes, facts, text);
     appendCauses("skipped", tally.skips, facts, text);
     text += littleTested(tally);
     if (!facts.device.knownFaults.empty())
-        text += "\nknown faults of the device, and what is therefore not tested:\n";
-    for (const DeviceSummary::Fault &fault : facts.device.knownFaults)
-        text += fmt::format("  {}\n    {}\n", fault.text, fault.response);
+        text += fmt::format("\nknown faults of the device: {}, because of which some things are not tested: "
+                            "knownFaults in {}\n",
+                            facts.device.knownFaults.size(), kResultsFile);
     const std::string others = otherVerdicts(tally);
     size_t failures = 0;
     for (const auto &[verdict, number] : tally.verdicts)
@@ -385,6 +406,12 @@ namespace
 
 constexpr const char *kFailures = "failures";
 
+// Failures and flakes of a cause have reproducers of their own.
+std::string reproducerKey(const std::string &cause, Verdict verdict)
+{
+    return (isSuccess(verdict) ? "flake: " : "failure: ") + cause;
+}
+
 } // namespace
 
 OutputFolder::OutputFolder(std::filesystem::path path, bool force) : path_(std::move(path))
@@ -404,14 +431,16 @@ OutputFolder::OutputFolder(std::filesystem::path path, bool force) : path_(std::
 
 std::string OutputFolder::writeFailure(const Finished &finished, uint64_t seed)
 {
-    if (++written_[causeOf(finished.outcome)] > kMostReproducers)
+    if (++written_[reproducerKey(causeOf(finished.outcome), finished.verdict)] > kMostReproducers)
         return {};
     const std::string name = nameOf(finished.id);
     const std::filesystem::path path = reproducerIn(path_, finished.id);
     // Larger cases are not shrunk: the seed makes them.
     const std::string &shrunk = finished.outcome.reproducer;
-    writeWhole(path, write(Reproducer{name, finished.id.api, std::string(finished.id.group->name), seed,
-                                      shrunk.size() <= kMostReproducerBytes ? shrunk : std::string()}));
+    writeWhole(path,
+               write(Reproducer{name, finished.id.api, std::string(finished.id.group->name), seedOf(seed, finished.id),
+                                shrunk.size() <= kMostReproducerBytes ? shrunk : std::string(),
+                                earlierCases(finished.before, seed)}));
     for (const check::OutcomeFile &file : finished.outcome.files)
         writeWhole(path_ / kFailures / (name + "." + file.extension), file.bytes);
     return utf8Text(path);
@@ -476,7 +505,10 @@ CaseResult caseOf(const rapidjson::Value &object, const std::filesystem::path &f
                       .verdict = *verdict,
                       .seconds = numberOf(object, "seconds"),
                       .rays = static_cast<uint64_t>(numberOf(object, "rays"))};
-    CaseResult::Details details{JsonReader::textOr(object, "cause"), JsonReader::textOr(object, "detail"), {}};
+    CaseResult::Details details{JsonReader::textOr(object, "cause"),
+                                JsonReader::textOr(object, "detail"),
+                                {},
+                                object.HasMember("before") ? JsonReader::numberOf(object, "before") : 0};
     if (result.status == check::Status::Pass && details.cause.empty())
         return result;
     if (const std::filesystem::path file = OutputFolder::reproducerIn(folder, *id); std::filesystem::exists(file))
@@ -610,12 +642,18 @@ MergedRuns mergeRuns(const std::vector<std::filesystem::path> &paths)
 
 void copyFailures(MergedRuns &runs, const OutputFolder &folder)
 {
+    std::vector<CaseResult *> failures;
     for (CaseResult &result : runs.results)
-        if (result.details && !result.details->reproducer.empty()) {
-            CaseResult::Details details = *result.details;
-            details.reproducer = folder.copyFailure(utf8Path(details.reproducer).parent_path(), result.id);
-            result.details = std::make_shared<CaseResult::Details>(std::move(details));
-        }
+        if (result.details && !result.details->reproducer.empty())
+            failures.push_back(&result);
+    std::ranges::sort(failures, [](const CaseResult *a, const CaseResult *b) { return isBefore(a->id, b->id); });
+    std::map<std::string, size_t> copied;
+    for (CaseResult *result : failures) {
+        CaseResult::Details details = *result->details;
+        const bool more = ++copied[reproducerKey(causeOf(*result), result->verdict)] > OutputFolder::kMostReproducers;
+        details.reproducer = more ? "" : folder.copyFailure(utf8Path(details.reproducer).parent_path(), result->id);
+        result->details = std::make_shared<CaseResult::Details>(std::move(details));
+    }
 }
 
 } // namespace vellum::cli

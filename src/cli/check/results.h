@@ -32,6 +32,7 @@ struct CaseResult {
         std::string cause;
         std::string text;
         std::string reproducer; // its path; empty if none
+        size_t before = 0;      // it fails only after as many cases in the same process
     };
     std::shared_ptr<const Details> details;
 
@@ -70,7 +71,8 @@ struct GroupTally {
 struct CauseTally {
     std::string cause;
     size_t count = 0;
-    const CaseResult *first = nullptr;
+    const CaseResult *first = nullptr;      // by number
+    const CaseResult *reproduced = nullptr; // the first one with a reproducer
 };
 
 struct CheckTally {
@@ -120,7 +122,7 @@ public:
     OutputFolder(std::filesystem::path path, bool force);
 
     // Writes the reproducer of a failure and its account, for the first failures with each cause. Returns its path;
-    // empty if none was written.
+    // empty if none was written. The seed is that of the run.
     std::string writeFailure(const Finished &finished, uint64_t seed);
     // The file of a failure in the folder of a run.
     static std::filesystem::path reproducerIn(const std::filesystem::path &folder, const CaseId &id);
@@ -130,8 +132,9 @@ public:
     // Writes results.csv, failures.csv, junit.xml and results.json. Throws Error.
     void writeResults(const RunFacts &facts, const std::vector<CaseResult> &results) const;
 
+    static constexpr size_t kMostReproducers = 3; // of each cause
+
 private:
-    static constexpr size_t kMostReproducers = 3;
     static constexpr size_t kMostReproducerBytes = 65000; // of a case
 
     std::filesystem::path path_;
@@ -151,7 +154,7 @@ std::string incompleteIn(const std::filesystem::path &folder);
 // Throws UsageError for other files, and for runs that do not belong together: of other versions of Vellum, devices,
 // seeds, selections or divisions, or with the same case.
 MergedRuns mergeRuns(const std::vector<std::filesystem::path> &runs);
-// Copies the files of their failures to the folder. Throws Error.
+// Copies the files of the first failures of each cause to the folder. Throws Error.
 void copyFailures(MergedRuns &runs, const OutputFolder &folder);
 
 } // namespace vellum::cli

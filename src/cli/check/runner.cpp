@@ -39,6 +39,14 @@ std::string causeOf(const check::Outcome &outcome)
     return nameOf(outcome.status) + (outcome.cause.empty() ? "" : ": " + outcome.cause);
 }
 
+std::vector<EarlierCase> earlierCases(const std::vector<CaseId> &cases, uint64_t seed)
+{
+    std::vector<EarlierCase> earlier;
+    for (const CaseId &id : cases)
+        earlier.push_back({nameOf(id), std::string(id.group->name), seedOf(seed, id)});
+    return earlier;
+}
+
 // A worker process at a time, and the case that it runs.
 class Runner::Slot
 {
@@ -61,7 +69,7 @@ private:
     void abandon();
     void handle(const Event &event);
     void fail(check::Status status, std::string cause);
-    void finish(check::Outcome outcome);
+    void finish(check::Outcome outcome, size_t before = 0);
     void close(); // the device
     void closed(check::Status status, const std::string &how);
     void drop(); // the process
@@ -83,6 +91,8 @@ private:
     std::optional<Finished> held_;
     // A failure, until its case has been run again.
     std::optional<Finished> failure_;
+    std::vector<CaseId> before_; // the cases before it in its process
+    std::vector<CaseId> ran_;    // cases of this process, current_ last
 };
 
 bool Runner::Slot::proceed(Schedule &schedule)
@@ -145,6 +155,7 @@ void Runner::Slot::requestRun()
         }
         ++runner_.workers_;
         open_ = false;
+        ran_.clear();
     }
     startWaiting();
     limit_ = settings.timeout;
@@ -156,9 +167,17 @@ void Runner::Slot::requestRun()
         request.kind = Request::Kind::Separate;
         request.timeout = static_cast<uint32_t>(std::ceil(settings.timeout));
         request.shrinkSeconds = runner_.confirmed_.contains(causeOf(failure_->outcome)) ? 0 : kShrinkSeconds;
-        // Besides the time limits of its own: making the case, running it, and running it once more in the end.
-        limit_ = 4 * settings.timeout + request.shrinkSeconds;
+        // Besides the time limits of its own: making the case, running it, running it once more in the end, and the
+        // cases before it.
+        limit_ = static_cast<double>(4 + before_.size()) * settings.timeout + request.shrinkSeconds;
+        if (!before_.empty())
+            request.reproducer = write(Reproducer{.name = nameOf(id),
+                                                  .api = id.api,
+                                                  .group = request.group,
+                                                  .seed = request.seed,
+                                                  .before = earlierCases(before_, settings.seed)});
     }
+    ran_.push_back(id);
     separate_ = request.kind == Request::Kind::Separate;
     process_->send(request);
 }
@@ -209,7 +228,7 @@ void Runner::Slot::handle(const Event &event)
         startWaiting();
         break;
     case Event::Kind::End:
-        finish(event.outcome);
+        finish(event.outcome, event.before);
         // The driver is of no use after a lost device, and its worker has not opened it for a separate run.
         if (event.outcome.status == check::Status::DeviceLost || separate_)
             drop();
@@ -231,12 +250,14 @@ void Runner::Slot::fail(check::Status status, std::string cause)
     finish(outcomeOfEnd(status, std::move(cause), process_->printed()));
 }
 
-void Runner::Slot::finish(check::Outcome outcome)
+void Runner::Slot::finish(check::Outcome outcome, size_t before)
 {
     reportHeld();
     const CaseId id = *std::exchange(current_, std::nullopt);
     const double seconds = since(waitingSince_);
-    if (stream_ != nullptr)
+    if (stream_ != nullptr && failure_)
+        stream_->noteRepeated(seconds);
+    else if (stream_ != nullptr)
         stream_->note(outcome.status, seconds);
     const Verdict verdict = runner_.expectations_.verdictOn(nameOf(id), outcome.status);
     if (failure_) {
@@ -248,12 +269,21 @@ void Runner::Slot::finish(check::Outcome outcome)
             failure_->outcome.reproducer = std::move(outcome.reproducer);
             failure_->outcome.files = std::move(outcome.files);
         }
+        if (separate_ && before > 0 && before <= before_.size()) {
+            failure_->before.assign(before_.end() - static_cast<ptrdiff_t>(before), before_.end());
+            failure_->outcome.files = std::move(outcome.files);
+            failure_->outcome.detail =
+                "It fails only after these cases in the same process, which --replay of its file runs first: " +
+                namesOf(earlierCases(failure_->before, runner_.settings_.seed)) +
+                (failure_->outcome.detail.empty() ? "" : "\n" + failure_->outcome.detail);
+        }
         runner_.report_(*std::exchange(failure_, std::nullopt));
         return;
     }
     Finished finished{id, std::move(outcome), verdict, seconds};
     if (runner_.mustConfirm(finished)) {
         failure_ = std::move(finished);
+        before_ = {ran_.begin(), ran_.end() - 1};
         if (open_ && failure_->outcome.status == check::Status::Fail)
             close(); // another process runs it again
         return;
@@ -311,7 +341,7 @@ Runner::Runner(RunSettings settings, const Expectations &expectations, std::func
     : settings_(std::move(settings)), expectations_(expectations), tick_(std::move(tick))
 {
     report_ = [this, report = std::move(report)](const Finished &finished) {
-        failed_ |= !isSuccess(finished.verdict);
+        failed_ |= !isSuccess(finished.verdict) || (settings_.failOnFlake && finished.verdict == Verdict::Flake);
         report(finished);
     };
 }

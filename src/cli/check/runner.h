@@ -7,6 +7,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "cli/check/cases.h"
 #include "cli/check/expectations.h"
@@ -22,6 +23,7 @@ struct RunSettings {
     double timeout = 60;          // seconds of a case, of opening and of closing the device
     std::optional<double> budget; // seconds after which no further case begins
     bool failFast = false;        // ends with the first failure
+    bool failOnFlake = false;     // a flake is one
     std::string replay;           // runs this reproducer for each case; empty without
 };
 
@@ -30,7 +32,10 @@ struct Finished {
     check::Outcome outcome;
     Verdict verdict = Verdict::Pass;
     double seconds = 0;
+    std::vector<CaseId> before; // it fails only after these in the same process
 };
+// The seed is that of the run.
+std::vector<EarlierCase> earlierCases(const std::vector<CaseId> &cases, uint64_t seed);
 
 // "Crash: SIGSEGV": results with the same are put together.
 std::string causeOf(const check::Outcome &outcome);

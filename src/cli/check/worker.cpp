@@ -3,6 +3,7 @@
 
 #include <array>
 #include <charconv>
+#include <chrono>
 #include <exception>
 #include <utility>
 
@@ -110,7 +111,10 @@ std::string write(const Event &event)
         });
         break;
     case Event::Kind::Begin: break;
-    case Event::Kind::End: writeOutcome(event.outcome, json); break;
+    case Event::Kind::End:
+        writeOutcome(event.outcome, json);
+        json.member("before", hexadecimal(event.before));
+        break;
     case Event::Kind::Error: return job::errorEvent(event.message);
     }
     json.end();
@@ -136,10 +140,21 @@ Event parseEvent(const std::string &line)
         });
         break;
     case Event::Kind::Begin: break;
-    case Event::Kind::End: event.outcome = readOutcome(reader); break;
+    case Event::Kind::End:
+        event.outcome = readOutcome(reader);
+        event.before = static_cast<size_t>(reader.hexNumber("before"));
+        break;
     case Event::Kind::Error: event.message = reader.text("message"); break;
     }
     return event;
+}
+
+std::string namesOf(const std::vector<EarlierCase> &cases)
+{
+    std::string names;
+    for (const EarlierCase &earlier : cases)
+        names += (names.empty() ? "" : ", ") + earlier.name;
+    return names;
 }
 
 std::string write(const Reproducer &reproducer)
@@ -148,6 +163,11 @@ std::string write(const Reproducer &reproducer)
     beginReport(json, "check --replay");
     json.member("name", reproducer.name).member("api", nameOf(reproducer.api)).member("group", reproducer.group);
     json.member("seed", hexadecimal(reproducer.seed));
+    if (!reproducer.before.empty())
+        json.list("before", reproducer.before, [&](const EarlierCase &earlier) {
+            json.beginObject().member("name", earlier.name).member("group", earlier.group);
+            json.member("seed", hexadecimal(earlier.seed)).end();
+        });
     if (!reproducer.shrunk.empty())
         json.key("case").json(reproducer.shrunk);
     json.end();
@@ -165,8 +185,18 @@ Reproducer parseReproducer(const std::string &text)
     const std::string api = reader.text("api");
     if (api != "khr" && api != "ext")
         throw Error("\"api\" must be khr or ext, got " + api);
-    return {reader.text("name"), api == "khr" ? check::Api::Khr : check::Api::Ext, reader.text("group"),
-            reader.hexNumber("seed"), reader.json("case")};
+    Reproducer reproducer{reader.text("name"),  api == "khr" ? check::Api::Khr : check::Api::Ext,
+                          reader.text("group"), reader.hexNumber("seed"),
+                          reader.json("case"),  {}};
+    if (!reader.json("before").empty())
+        reader.forEach("before", [&](const rapidjson::Value &earlier) {
+            const std::string group = JsonReader::textOf(earlier, "group");
+            const std::optional<uint64_t> seed = parseHexadecimal(JsonReader::textOf(earlier, "seed"));
+            if (findGroup(group) == nullptr || !seed)
+                throw Error("there is no case " + JsonReader::textOf(earlier, "name"));
+            reproducer.before.push_back({JsonReader::textOf(earlier, "name"), group, *seed});
+        });
+    return reproducer;
 }
 
 Reproducer readReproducer(const std::filesystem::path &path)
@@ -200,13 +230,13 @@ public:
             return;
         }
         if (request.kind == Request::Kind::Separate) {
-            send({Event::Kind::End, {}, runSeparately(request, events), {}});
+            send(runSeparately(request, events));
             return;
         }
         if (session_ == nullptr)
             session_ = check::openSession({chosenDevice(), options_.api, options_.layer});
         send({Event::Kind::Begin, {}, {}, {}});
-        send({Event::Kind::End, {}, outcomeOf(request), {}});
+        send({Event::Kind::End, {}, outcomeOf(request, events), {}});
     }
 
 private:
@@ -218,16 +248,54 @@ private:
         return *number;
     }
 
-    check::Outcome runSeparately(const Request &request, job::Events &events)
+    Event runSeparately(const Request &request, job::Events &events)
     {
         SeparateRuns runs(options_, request.timeout);
         const std::string made = runs.make(request.group, request.seed);
         events.send(write(Event{.kind = Event::Kind::Begin}));
-        return check::runSeparately(made, options_.api, request.shrinkSeconds,
-                                    [&](const std::string &reproducer) { return runs.run(reproducer); });
+        Event end{.kind = Event::Kind::End};
+        end.outcome = check::runSeparately(made, options_.api, request.shrinkSeconds,
+                                           [&](const std::string &reproducer) { return runs.run(reproducer); });
+        const bool repeats = end.outcome.status != check::Status::Pass && end.outcome.status != check::Status::Skip;
+        if (!repeats && !request.reproducer.empty())
+            runSequence(made, request, runs, events, end);
+        return end;
     }
 
-    check::Outcome outcomeOf(const Request &request)
+    // Runs the case, which passes alone, after those that its process ran before it. If it fails, drops the first of
+    // them while it still crashes.
+    void runSequence(const std::string &made, const Request &request, SeparateRuns &runs, job::Events &events,
+                     Event &end)
+    {
+        const Reproducer whole = parseReproducer(request.reproducer);
+        const auto after = [&](size_t number) {
+            Reproducer sequence = whole;
+            sequence.before.erase(sequence.before.begin(), sequence.before.end() - static_cast<ptrdiff_t>(number));
+            return sequence;
+        };
+        const auto run = [&](size_t number) {
+            events.send(write(Event{.kind = Event::Kind::Begin})); // it takes as long as all these cases
+            return runs.runInNewProcess(after(number));
+        };
+        const auto crashed = [](const check::Outcome &outcome) {
+            return outcome.status == check::Status::Crash || outcome.status == check::Status::DeviceLost;
+        };
+        size_t number = whole.before.size();
+        check::Outcome outcome = run(number);
+        if (!crashed(outcome) && outcome.status != check::Status::Timeout)
+            return;
+        const auto limit = std::chrono::steady_clock::now() + std::chrono::seconds(request.shrinkSeconds);
+        for (size_t step = crashed(outcome) ? number / 2 : 0; step > 0; step /= 2)
+            while (number > step && std::chrono::steady_clock::now() < limit && crashed(run(number - step)))
+                number -= step;
+        end.outcome = std::move(outcome);
+        end.outcome.files = {
+            check::separateAccount(made, options_.api, end.outcome,
+                                   "only after these cases in the same process: " + namesOf(after(number).before))};
+        end.before = number;
+    }
+
+    check::Outcome outcomeOf(const Request &request, job::Events &events)
     {
         try {
             if (request.kind == Request::Kind::Run)
@@ -238,6 +306,12 @@ private:
                 return outcome;
             }
             const Reproducer reproducer = parseReproducer(request.reproducer);
+            for (const EarlierCase &earlier : reproducer.before) {
+                const Request alone{.group = earlier.group, .seed = earlier.seed};
+                if (check::Outcome outcome = outcomeOf(alone, events); outcome.status == check::Status::DeviceLost)
+                    return outcome;
+                events.send(write(Event{.kind = Event::Kind::Begin})); // of the next case
+            }
             return reproducer.shrunk.empty() ? run(reproducer.group, reproducer.seed)
                                              : check::replay(*session_, reproducer.shrunk);
         } catch (const std::exception &error) {
@@ -346,6 +420,14 @@ check::Outcome SeparateRuns::run(const std::string &reproducer)
 {
     return outcomeOf(
         {.kind = Request::Kind::Replay, .reproducer = write(Reproducer{.api = options_.api, .shrunk = reproducer})});
+}
+
+check::Outcome SeparateRuns::runInNewProcess(const Reproducer &reproducer)
+{
+    process_.reset();
+    check::Outcome outcome = outcomeOf({.kind = Request::Kind::Replay, .reproducer = write(reproducer)});
+    process_.reset();
+    return outcome;
 }
 
 check::Outcome SeparateRuns::outcomeOf(const Request &request)

@@ -36,7 +36,7 @@ struct Request {
     } kind = Kind::Run;
     std::string group;          // not with Replay
     uint64_t seed = 0;          // the same
-    std::string reproducer;     // Replay: its text
+    std::string reproducer;     // Replay: its text. Separate: the case after those that its process ran before it
     uint32_t timeout = 0;       // Separate: seconds for opening the device and for a case
     uint32_t shrinkSeconds = 0; // Separate: limit of shrinking; 0: none
 };
@@ -69,10 +69,21 @@ struct Event {
     DeviceSummary device;   // Device
     check::Outcome outcome; // End
     std::string message;    // Error
+    // End of Request::Separate: how many of the cases that ran before the case in its process it needs to fail.
+    size_t before = 0;
 };
 std::string write(const Event &event);
 // Throws Error.
 Event parseEvent(const std::string &line);
+
+// A case that runs before another one in the same process.
+struct EarlierCase {
+    std::string name;
+    std::string group;
+    uint64_t seed = 0;
+};
+// "khr.levels.0001, khr.levels.0002"
+std::string namesOf(const std::vector<EarlierCase> &cases);
 
 // A file that --replay runs.
 struct Reproducer {
@@ -81,6 +92,7 @@ struct Reproducer {
     std::string group;
     uint64_t seed = 0;
     std::string shrunk; // JSON of the group; empty: the case is that of the seed
+    std::vector<EarlierCase> before;
 };
 std::string write(const Reproducer &reproducer);
 // Throws Error.
@@ -129,6 +141,8 @@ public:
     std::string make(const std::string &group, uint64_t seed);
     // Runs one. Another process follows one that has ended.
     check::Outcome run(const std::string &reproducer);
+    // Runs a case and those before it in a new process.
+    check::Outcome runInNewProcess(const Reproducer &reproducer);
 
 private:
     check::Outcome outcomeOf(const Request &request);

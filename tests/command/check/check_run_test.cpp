@@ -148,7 +148,9 @@ TEST_F(Check, CasesThatHangHaveAReproducer)
 TEST_F(Check, ReportsNameKnownFaultsOfTheDevice)
 {
     const CheckRun check = run({"good.0000"});
-    EXPECT_NE(check.outcome.output.find("  rays are <green>\n    colours are not compared\n"), std::string::npos)
+    EXPECT_NE(check.outcome.output.find("\nknown faults of the device: 1, because of which some things are not tested: "
+                                        "knownFaults in results.json\n"),
+              std::string::npos)
         << check.outcome.output;
     EXPECT_NE(textOf(folder_ / "out/junit.xml")
                   .find("<property name=\"known fault\" value=\"rays are &lt;green&gt;: colours are not compared\"/>"),
@@ -223,6 +225,71 @@ TEST_F(Check, PassingTheSecondTimeIsAFlake)
     EXPECT_EQ(check.outcome.exitCode, 0);
     EXPECT_EQ(check.results, (Statuses{{"khr.flake.0000", "Flake"}, {"khr.flake.0001", "Flake"}}));
     EXPECT_NE(check.outcome.output.find("2 flakes"), std::string::npos) << check.outcome.output;
+}
+
+// The cases before it are shrunk from the front.
+TEST_F(Check, ACrashThatOtherCasesOfItsProcessCauseIsAFailure)
+{
+    const CheckRun check = run({"worn.*"}, {"--jobs", "1"});
+    EXPECT_EQ(check.outcome.exitCode, 1);
+    EXPECT_EQ(check.failures, (Statuses{{"khr.worn.0007", "Crash"}}));
+    const std::filesystem::path file = folder_ / "out/failures/khr.worn.0007.json";
+    EXPECT_NE(check.outcome.output.find("  Crash: " + kCrash +
+                                        "\n    1 case, the first of which is khr.worn.0007\n"
+                                        "    only after the 3 cases before it in its process, which this runs first:\n"
+                                        "    vellum check --replay " +
+                                        file.string() + "\n"),
+              std::string::npos)
+        << check.outcome.output;
+    EXPECT_NE(textOf(folder_ / "out/failures/khr.worn.0007.txt").find("khr.worn.0004, khr.worn.0005, khr.worn.0006\n"),
+              std::string::npos);
+    const Outcome replayed = runVellum({"check", "--replay", file.string()});
+    EXPECT_EQ(replayed.exitCode, 1) << replayed.errors;
+    EXPECT_EQ(
+        replayed.output.find("khr.worn.0007: Crash: " + kCrash +
+                             "\nmicromaps: fake\n"
+                             "run after these in the same process: khr.worn.0004, khr.worn.0005, khr.worn.0006\n"),
+        0U)
+        << replayed.output;
+    const Outcome merged =
+        runVellum({"check", "--output", (folder_ / "all").string(), "--merge", (folder_ / "out").string()});
+    EXPECT_NE(merged.output.find("    only after the 3 cases before it in its process"), std::string::npos)
+        << merged.output;
+    EXPECT_EQ(run({"worn.0007"}).outcome.exitCode, 0);
+}
+
+TEST_F(Check, AHangThatOtherCasesOfItsProcessCauseIsAFailure)
+{
+    const CheckRun check = run({"worn.*"}, {"--jobs", "1", "--timeout", "1"}, {{"VELLUM_FAKE_WORN", "hang"}});
+    EXPECT_EQ(check.outcome.exitCode, 1);
+    EXPECT_EQ(check.failures, (Statuses{{"khr.worn.0007", "Timeout"}}));
+    EXPECT_NE(check.outcome.output.find("    only after the 7 cases before it in its process"), std::string::npos)
+        << check.outcome.output;
+}
+
+TEST_F(Check, ACrashThatDoesNotRepeatIsAFlake)
+{
+    const auto crashOnce = [&](const std::vector<std::string> &arguments) {
+        const TemporaryFolder marks;
+        return run({"crash-once.*"}, arguments, {{"VELLUM_FAKE_FOLDER", marks.path().string()}});
+    };
+    const CheckRun check = crashOnce({"--jobs", "1"});
+    EXPECT_EQ(check.outcome.exitCode, 0) << check.outcome.output;
+    EXPECT_EQ(check.results, (Statuses{{"khr.crash-once.0000", "Flake"},
+                                       {"khr.crash-once.0001", "Flake"},
+                                       {"khr.crash-once.0002", "Flake"}}));
+    const CheckRun failed = crashOnce({"--fail-on-flake"});
+    EXPECT_EQ(failed.outcome.exitCode, 1);
+    EXPECT_NE(failed.outcome.errors.find("vellum: 3 flakes fail the run, by --fail-on-flake\n"), std::string::npos)
+        << failed.outcome.errors;
+    writeFile(folder_ / "flakes", "crash-once\n");
+    const CheckRun known = crashOnce({"--fail-on-flake", "--flakes", (folder_ / "flakes").string()});
+    EXPECT_EQ(known.outcome.exitCode, 0) << known.outcome.errors;
+    EXPECT_EQ(known.results.at("khr.crash-once.0000"), "KnownFlake");
+    EXPECT_EQ(crashOnce({"--fail-on-flake", "--fail-fast", "--jobs", "1"}).results.size(), 1U);
+    const std::string out = (folder_ / "out").string();
+    EXPECT_EQ(runVellum({"check", "--output", out + "2", "--merge", out, "--fail-on-flake"}).exitCode, 1);
+    EXPECT_EQ(runVellum({"check", "--output", out + "2", "--merge", out}).exitCode, 0);
 }
 
 #ifndef _WIN32 // has no limit of file sizes
@@ -317,6 +384,11 @@ TEST_F(Check, ProgressIsPlainLinesWithoutATerminal)
     EXPECT_NE(lines.find("\nvellum: checking: 1 of 2 cases, 1 failure, khr.hang, about "), std::string::npos) << lines;
     EXPECT_NE(lines.find(" s left\n"), std::string::npos) << lines;
     EXPECT_EQ(std::count_if(lines.begin(), lines.end(), [](char c) { return c < ' ' && c != '\n'; }), 0) << lines;
+    const CheckRun begun =
+        run({"bad.0000", "hang.*", "lost.*"}, {"--jobs", "1", "--timeout", "1", "--progress", "0.2"});
+    EXPECT_NE(begun.outcome.errors.find("\nvellum: checking: 1 of 4 cases, 1 failure, khr.hang\n"), std::string::npos)
+        << "no estimate before a third has ended\n"
+        << begun.outcome.errors;
     const CheckRun timed = run({"hang.*"}, {"--timeout", "1", "--progress", "0.2", "--minutes", "0.01"});
     EXPECT_NE(timed.outcome.errors.find("vellum: checking: 0 cases, 0 failures, khr.hang, 0 s left\n"),
               std::string::npos)
@@ -369,6 +441,8 @@ TEST_F(Check, Interruption)
     EXPECT_EQ(outcome.signal, SIGINT);
     EXPECT_EQ(statusesIn(output / "results.csv").size(), 5U) << outcome.errors;
     EXPECT_NE(outcome.output.find("interrupted"), std::string::npos) << outcome.output;
+    EXPECT_EQ(lineOf(outcome, "khr.good").substr(0, 18), "khr.good        5 ");
+    EXPECT_EQ(outcome.output.find("\nkhr.hang "), std::string::npos) << "no row of zeros\n" << outcome.output;
     const Outcome merged = runVellum({"check", "--output", (folder_ / "all").string(), "--merge", output.string()});
     EXPECT_NE(merged.errors.find("out: interrupted\n"), std::string::npos) << merged.errors;
     const std::string replaced =

@@ -304,6 +304,44 @@ TEST_F(CheckSelection, ShardsTogetherAreTheWholeRun)
     EXPECT_EQ(runVellum({"check", "--replay", folder("all") + "/failures/khr.bad.0000.json"}).exitCode, 1);
 }
 
+// As in a run: the case with the lowest number is named, and three of a cause have files.
+TEST_F(CheckSelection, MergedFailuresOfACause)
+{
+    std::vector<std::string> merge = {"check", "--output", (folder_ / "all").string(), "--merge"};
+    for (const std::string shard : {"1", "2"}) {
+        const std::string out = (folder_ / shard).string();
+        EXPECT_EQ(runVellum({"check", "--filter", "khr.bad.*", "--shard", shard + "/2", "--output", out}).exitCode, 1);
+        merge.push_back(out);
+    }
+    ASSERT_TRUE(statusesIn(folder_ / "1/results.csv").contains("khr.bad.0001"));
+    const Outcome merged = runVellum(merge);
+    const auto replayOf = [&](const std::string &name) {
+        return "    5 cases, the first of which is khr.bad.0000\n    vellum check --replay " +
+               (folder_ / "all/failures" / (name + ".json")).string() + "\n";
+    };
+    EXPECT_NE(merged.output.find(replayOf("khr.bad.0000")), std::string::npos) << merged.output;
+    for (const char *extension : {".json", ".txt", ".png"})
+        for (int number = 0; number < 5; ++number)
+            EXPECT_EQ(std::filesystem::exists(folder_ / "all/failures" /
+                                              ("khr.bad.000" + std::to_string(number) + extension)),
+                      number < 3)
+                << number << extension;
+    // In a run, others may be the first to end.
+    std::filesystem::remove(folder_ / "2/failures/khr.bad.0000.json");
+    std::filesystem::remove_all(folder_ / "all");
+    const Outcome without = runVellum(merge);
+    EXPECT_NE(without.output.find(replayOf("khr.bad.0001")), std::string::npos) << without.output;
+}
+
+TEST_F(CheckSelection, NewCasesInABaseline)
+{
+    const std::string baseline = file("fails.txt", "khr.good.0123,Pass\n");
+    const std::string flakes = file("flakes.txt", "^khr.good.0123$\n");
+    const CheckRun check = run(
+        {"--filter", "khr.good.*", "--minutes", "0.01", "--baseline", baseline, "--skips", flakes, "--flakes", flakes});
+    EXPECT_EQ(check.outcome.exitCode, 0) << check.outcome.errors;
+}
+
 TEST_F(CheckSelection, ShardsWithoutCases)
 {
     const CheckRun empty = run({"--filter", "khr.good.0000", "--shard", "2/9"});
@@ -440,6 +478,9 @@ TEST_F(CheckSelection, WrongCommandLines)
         {"--caselist", file("empty", "# nothing\n")},
         {"--caselist", (folder_ / "missing").string()},
         {"--baseline", file("name", "khr.good.0000,Fail\nkhr.other.0000,Fail\n")},
+        {"--baseline", file("beyond", "khr.good.0004,Fail\nkhr.good.0005,Fail\n")},
+        {"--skips", file("skips-beyond", "khr.good.0004\nkhr.good.9999\n")},
+        {"--flakes", file("flakes-beyond", "khr.good.0005\n")},
         {"--skips", file("skips", "khr.good\nkhr.other\n")},
         {"--flakes", file("flakes", "khr.other\n")},
         {"--baseline", file("status", "khr.good.0000,Broken\n")},

@@ -33,6 +33,7 @@ public:
     Session &operator=(const Session &) = delete;
 
     bool crashesAtEnd = false;
+    bool worn = false;
 };
 
 namespace
@@ -164,6 +165,24 @@ Outcome crashAtEnd(Session &session, std::string_view, uint64_t)
     return {};
 }
 
+constexpr uint32_t kWornKinds = 10;
+
+// Case 4 leaves something behind that ends case 7 of the same process.
+Outcome wearOut(Session &session, std::string_view group, uint64_t seed)
+{
+    session.worn |= seed % kWornKinds == 4;
+    if (!session.worn || seed % kWornKinds != 7)
+        return pass(session, group, seed);
+    return variable("VELLUM_FAKE_WORN") == "hang" ? hang(session, group, seed) : crash(session, group, seed);
+}
+
+// Crashes the first time only.
+Outcome crashOnce(Session &session, std::string_view group, uint64_t seed)
+{
+    const std::string mark = variable("VELLUM_FAKE_FOLDER") + "/" + hexadecimal(seed);
+    return std::filesystem::create_directory(mark) ? crash(session, group, seed) : pass(session, group, seed);
+}
+
 constexpr Group kGroups[] = {
     {"good", "Passes", "Section 1", 5, pass, 3},
     {"bad", "Fails", "Section 2", 5, fail},
@@ -182,6 +201,8 @@ constexpr Group kGroups[] = {
     {"flake", "Fails once", "", 2, flake},
     {"sometimes", "Crashes sometimes", "", 30, crashSometimes}, // the usual number of quick cases
     {"end", "Crashes when the device is closed", "", 3, crashAtEnd},
+    {"worn", "Crashes after another case", "", kWornKinds, wearOut, kWornKinds, kWornKinds},
+    {"crash-once", "Crashes once", "", 3, crashOnce},
 };
 
 } // namespace
