@@ -84,9 +84,8 @@ TEST(Causes, AnotherOpacity)
     opaque.addCandidate();
     EXPECT_EQ(opaque.queryCause(), kOpacity);
     EXPECT_EQ(opaque.pipelineCause(), kOpacity);
-    // A triangle that is committed without its any-hit shader is met.
+    // A triangle that is committed although its any-hit shader ignores it is to be met.
     Aimed nonOpaque(false, false);
-    nonOpaque.ray.rule = kAlways;
     const oracle::Hit &hit = nonOpaque.hits.hits.at(0);
     nonOpaque.pipeline.committed = kTriangle;
     nonOpaque.pipeline.t = static_cast<float>(hit.t);

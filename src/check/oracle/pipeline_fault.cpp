@@ -395,9 +395,7 @@ private:
             if (h.box && groupOf(h) && !seen(result_.visits, h))
                 return describe("a box is missing", h);
             if (!h.box && isCandidate(h) && !seen(result_.candidates, h))
-                return result_.committed == kTriangle && names(h, result_)
-                           ? opacityFault(scene_, ray_, h, Deviation::Reported, "it as the committed hit only")
-                           : opacityFault(scene_, ray_, h, Deviation::Lost, "none");
+                return opacityFault(scene_, ray_, h, Deviation::Lost, "none");
             if (h.box && isCandidate(h) && ray_.generate > 0 && double{ray_.generate} < limit_ - 1e-3 &&
                 !seen(result_.candidates, h))
                 return describe("a reported hit is missing", h);
