@@ -216,13 +216,14 @@ TEST(BakeCommand, RejectsUnclearOperandsAndOptions)
         writeFile(folder / name, cardGlb());
     const std::string a = (folder / "a/x.glb").string();
     const std::string b = (folder / "b/x.glb").string();
-    const std::string out = (folder / "out").string();
+    const std::string out = (folder / "out.glb").string();
+    const std::string outFolder = (folder / "out").string();
     const std::vector<std::vector<std::string>> cases = {
         {"bake"},
         {"bake", a, b, out},
         {"bake", (folder / "a").string()},
         {"bake", a, b, "-o", a},
-        {"bake", a, b, "-o", out},
+        {"bake", a, b, "-o", outFolder},
         {"bake", a, "-o", "-", "--json"},
         {"bake", a, "-", "-o", out},
         {"bake", "-", "-o", (folder / "a").string()},
@@ -246,16 +247,16 @@ TEST(BakeCommand, RejectsUnclearOperandsAndOptions)
         const Outcome outcome = runVellum(arguments);
         EXPECT_EQ(outcome.exitCode, 2) << arguments.back();
         EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
-        EXPECT_FALSE(fs::exists(out)) << arguments.back();
+        EXPECT_FALSE(fs::exists(out) || fs::exists(outFolder)) << arguments.back();
     }
     for (const std::vector<std::string> &arguments :
-         {std::vector<std::string>{"bake", (folder / "none").string(), "-o", out},
+         {std::vector<std::string>{"bake", (folder / "none").string(), "-o", outFolder},
           {"bake", (folder / "no.glb").string(), "-o", out},
           {"bake", a, "-o", (folder / "x.gltf").string()}}) {
         const Outcome outcome = runVellum(arguments);
         EXPECT_EQ(outcome.exitCode, 1) << arguments.back();
         EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
-        EXPECT_FALSE(fs::exists(out)) << arguments.back();
+        EXPECT_FALSE(fs::exists(out) || fs::exists(outFolder)) << arguments.back();
     }
 }
 

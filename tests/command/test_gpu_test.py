@@ -48,7 +48,7 @@ class TestGpu(unittest.TestCase):
         self.assertEqual((ran.returncode, results), (0, {"check": "passed"}), ran.stdout)
         statuses = [row.split(",")[1] for row in (self.out / "check/results/results.csv").read_text().splitlines()]
         # Cases that are skipped take no time, so a slow machine has more of them than of others.
-        self.assertGreater(statuses.count("Pass"), 100)
+        self.assertGreater(statuses.count("Pass"), 30)
 
     def test_part_that_takes_too_long(self):
         ran, results = self.run_parts("--minutes", "0.1", "micromaps", "info")

@@ -197,17 +197,23 @@ void explainLayer(LoaderReport &report, const std::filesystem::path &folder)
             (folder.empty() ? "beside this program" : "in " + utf8Text(folder)));
 }
 
+void explainDrivers(LoaderReport &report)
+{
+    for (const Manifest &manifest : report.drivers)
+        if (!manifest.problem.empty())
+            report.problems.push_back("the driver's manifest " + utf8Text(manifest.path) + ": " + manifest.problem);
+    if (!report.drivers.empty())
+        return;
+    const char *const name = variable("VK_DRIVER_FILES")    ? "VK_DRIVER_FILES"
+                             : variable("VK_ICD_FILENAMES") ? "VK_ICD_FILENAMES"
+                                                            : nullptr;
+    report.problems.push_back(
+        name ? std::string(name) + " is set, so that the loader looks nowhere else, and names no driver"
+             : "no Vulkan driver is installed: there is no manifest of one where the loader looks");
+}
+
 void explainNoDevice(LoaderReport &report)
 {
-    if (report.drivers.empty()) {
-        const char *const name = variable("VK_DRIVER_FILES")    ? "VK_DRIVER_FILES"
-                                 : variable("VK_ICD_FILENAMES") ? "VK_ICD_FILENAMES"
-                                                                : nullptr;
-        report.problems.push_back(name ? std::string(name) +
-                                             " is set, so that the loader looks nowhere else, and names no driver"
-                                       : "no Vulkan driver is installed: there is no manifest of one where the loader "
-                                         "looks");
-    }
     const bool any =
         std::any_of(report.drivers.begin(), report.drivers.end(), [](const Manifest &m) { return m.problem.empty(); });
     if (any)
@@ -235,7 +241,9 @@ void findDevices(LoaderReport &report)
         const gpu::Instance instance(false);
         plain = describeDevices(instance);
     } catch (const std::runtime_error &error) {
-        if (report.problems.empty()) // else they say why
+        const auto *const failure = dynamic_cast<const gpu::VulkanError *>(&error);
+        const bool noDriver = failure != nullptr && failure->result() == VK_ERROR_INCOMPATIBLE_DRIVER;
+        if (report.problems.empty() && !noDriver) // else the problems, or explainNoDevice(), say why
             report.problems.push_back(error.what());
         return;
     }
@@ -328,9 +336,7 @@ LoaderReport reportLoader(const std::optional<std::filesystem::path> &wish)
     report.layerOnByVariable =
         names("VK_INSTANCE_LAYERS", gpu::kLayerName) || names("VK_LOADER_LAYERS_ENABLE", gpu::kLayerName);
     report.turnOn = commandsToTurnOn(report, folder);
-    for (const Manifest &manifest : report.drivers)
-        if (!manifest.problem.empty())
-            report.problems.push_back("the driver's manifest " + utf8Text(manifest.path) + ": " + manifest.problem);
+    explainDrivers(report);
     explainLayer(report, folder);
     if (!folder.empty())
         gpu::addLayerFolder(folder);
