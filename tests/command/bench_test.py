@@ -90,7 +90,8 @@ class BenchTest(unittest.TestCase):
             browser.call("Page.navigate", url=self.page.as_uri())
             browser.wait_for("document.querySelector('#verdict li') !== null")
             device, = self.rows("device")
-            self.assertEqual(browser.evaluate("document.querySelector('h1').textContent"), device["name"])
+            self.assertEqual(browser.evaluate("document.querySelector('h1').textContent"),
+                         "Opacity micromaps on " + device["name"])
             self.assertEqual(browser.evaluate("document.querySelectorAll('section[hidden]').length"), 0)
             charts = len({part["name"] for part in self.report["parts"] if part["name"].startswith("frames")})
             self.assertEqual(browser.evaluate("document.querySelectorAll('svg').length"), charts)
