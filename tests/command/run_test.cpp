@@ -528,7 +528,7 @@ TEST(Run, WrongCommandLines)
     EXPECT_EQ(runScript({"--junit", junit}, "true", {{"VELLUM_FAIL_ON", "errors"}}).exitCode, 2);
     const Bytes bytes = readFile(junit);
     const std::string written(bytes.begin(), bytes.end());
-    EXPECT_TRUE(has(written, "VELLUM_FAIL_ON is &quot;errors&quot; and must be error, warning or never; did you mean"))
+    EXPECT_TRUE(has(written, "VELLUM_FAIL_ON is &#34;errors&#34; and must be error, warning or never; did you mean"))
         << written;
     // Its value is not the argument that is too many.
     for (const std::vector<std::string> &arguments :
