@@ -17,7 +17,7 @@ PATTERNS["layer"] = [
     "src/layer/command_buffer/injected_work.cpp", "src/layer/state/root_table.cpp",
     "src/layer/state/acceleration_structure.cpp", "src/layer/query_pool/query_pool.cpp",
     "src/layer/pipelines/driver_stages.cpp", "src/layer/pipelines/hit_records.cpp",
-    "src/layer/pipelines/micromap_stages.cpp", "src/layer/pipelines/pipeline_flags.cpp",
+    "src/layer/pipelines/micromap_stages.cpp", "src/layer/pipelines/shaders.cpp",
     "src/layer/pipelines/ray_tracing_pipeline.cpp",
     "src/spirv/candidate*.cpp", "src/spirv/consumption.cpp", "src/spirv/entry_wrapper.cpp",
     "src/spirv/payload_prefix.cpp", "src/spirv/proceed_loop.cpp", "src/spirv/ray_query.cpp",
