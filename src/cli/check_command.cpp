@@ -305,7 +305,7 @@ int exitCodeOf(const CheckOptions &options, const std::vector<CaseResult> &resul
     if (options.failOnFlake && flakes != 0)
         std::fprintf(stderr, "vellum: %s the run, by --fail-on-flake\n",
                      counted(flakes, "flake fails", "flakes fail").c_str());
-    if (!std::ranges::all_of(results, isSuccess, &CaseResult::verdict) || (options.failOnFlake && flakes != 0))
+    if (std::ranges::any_of(results, [&](const CaseResult &r) { return failsRun(r.verdict, options.failOnFlake); }))
         return static_cast<int>(ExitCode::Failed);
     if (const std::string why = notTested(results); !why.empty()) {
         std::fprintf(stderr, "vellum: nothing was tested: %s\n", why.c_str());

@@ -192,7 +192,7 @@ void printJson(const InspectOptions &options, const inspect::InspectedFile &file
 // The second operand may be a file to compare with.
 void takeSecond(InspectOptions &options)
 {
-    if (!options.operand || (suffixOf(*options.operand) != ".glb" && suffixOf(*options.operand) != ".gltf"))
+    if (!options.operand || !isGltfName(*options.operand))
         return;
     options.second = std::move(options.operand);
     options.operand.reset();

@@ -355,25 +355,26 @@ std::string reasonOf(const VerifiedFile &file)
     }
 }
 
-// "50 files: 48 fine, 1 with wrong claims, 1 without micromaps; exit status 4". `others`: how many have another code
-// than Success.
-std::string summaryOf(size_t files, const std::map<ExitCode, size_t> &others, ExitCode code)
+// "50 files: 48 fine, 1 with wrong claims, 1 without micromaps; exit status 4". `counts`: of the files, by their
+// codes.
+std::string summaryOf(const std::map<ExitCode, size_t> &counts, ExitCode code)
 {
     static const std::map<ExitCode, const char *> kKinds = {
+        {ExitCode::Success, "fine"},
         {ExitCode::Failed, "not verified"},
         {ExitCode::InvalidMicromaps, "with invalid micromaps"},
         {ExitCode::WrongClaims, "with wrong claims"},
         {ExitCode::UncertainClaims, "with uncertain claims"},
         {ExitCode::NeedlesslyUnknown, "with needlessly unknown states"},
         {ExitCode::NoMicromaps, "without micromaps"}};
-    size_t fine = files;
-    std::string text;
-    for (const auto &[other, count] : others) {
-        fine -= count;
-        text += fmt::format(", {} {}", count, kKinds.at(other));
+    size_t files = 0;
+    std::string kinds;
+    for (const auto &[each, count] : counts) {
+        files += count;
+        kinds += fmt::format("{} {} {}", kinds.empty() ? "" : ",", count, kKinds.at(each));
     }
-    text = fmt::format("{}: {} fine{}", counted(files, "file"), fine, text);
-    return text + (code == ExitCode::Success ? "" : fmt::format("; exit status {}", static_cast<int>(code)));
+    return fmt::format("{}:{}", counted(files, "file"), kinds) +
+           (code == ExitCode::Success ? "" : fmt::format("; exit status {}", static_cast<int>(code)));
 }
 
 std::string verifiedJson(const std::vector<VerifiedFile> &files)
@@ -462,15 +463,13 @@ int verifyCommand(VerifyOptions &options)
         discardReports();
     std::vector<VerifiedFile> files;
     auto code = ExitCode::Success;
-    size_t count = 0;
-    std::map<ExitCode, size_t> others; // the number of files with each code but Success
-    for (const std::filesystem::path &path : gltfFiles(options.files)) {
+    const std::vector<std::filesystem::path> paths = gltfFiles(options.files);
+    std::map<ExitCode, size_t> counts = {{ExitCode::Success, 0}};
+    for (const std::filesystem::path &path : paths) {
         VerifiedFile file = verifyFile(path, options);
         file.code = exitCodeOf(file, options.strict, options.requireMicromaps);
         code = worse(code, file.code);
-        ++count;
-        if (file.code != ExitCode::Success)
-            ++others[file.code];
+        ++counts[file.code];
         if (!file.error.empty())
             std::fprintf(stderr, "vellum: %s\n", file.error.c_str());
         else if (options.quiet && file.code != ExitCode::Success)
@@ -484,8 +483,8 @@ int verifyCommand(VerifyOptions &options)
     }
     if (options.json)
         fmt::print("{}\n", verifiedJson(files));
-    else if (count > 1)
-        fmt::print("{}\n", summaryOf(count, others, code));
+    else if (paths.size() > 1)
+        fmt::print("{}\n", summaryOf(counts, code));
     return static_cast<int>(code);
 }
 

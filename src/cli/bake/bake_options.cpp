@@ -251,7 +251,7 @@ void checkOwnFile(const BakeCommandOptions &options, const char *option, const s
 {
     if (options.dryRun)
         throw UsageError(std::string(option) + " and --dry-run exclude each other");
-    if (isStandardStream(file) || suffixOf(file) == ".glb" || suffixOf(file) == ".gltf")
+    if (isStandardStream(file) || isGltfName(file))
         throw UsageError(std::string(option) + " must be a file of its own, got " + utf8Text(file));
 }
 

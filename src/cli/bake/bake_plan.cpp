@@ -300,8 +300,7 @@ BakePlan planBake(const BakeCommandOptions &options)
         options.output && (several || !options.output->has_filename() || fs::is_directory(*options.output, ignored));
     if (toFolder && fs::exists(*options.output, ignored) && !fs::is_directory(*options.output, ignored))
         throw UsageError(utf8Text(*options.output) + " is a file, and several inputs need an output folder");
-    if (several && options.output && !fs::exists(*options.output, ignored) &&
-        (suffixOf(*options.output) == ".glb" || suffixOf(*options.output) == ".gltf"))
+    if (several && options.output && !fs::exists(*options.output, ignored) && isGltfName(*options.output))
         throw UsageError(utf8Text(*options.output) +
                          " is the name of a file, and several inputs need an output folder");
     const fs::path output = toFolder ? fs::weakly_canonical(*options.output, ignored) : fs::path();

@@ -31,15 +31,20 @@ bool isInside(const fs::path &path, const fs::path &folder)
     return !relative.empty() && *relative.begin() != "..";
 }
 
+bool isGltfName(const fs::path &path)
+{
+    const std::string suffix = suffixOf(path);
+    return suffix == ".glb" || suffix == ".gltf";
+}
+
 std::vector<fs::path> gltfFilesIn(const fs::path &folder, const fs::path &except)
 {
     std::vector<fs::path> found;
     std::error_code error;
     fs::recursive_directory_iterator entry(folder, fs::directory_options::skip_permission_denied, error);
     for (; !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
-        const std::string suffix = suffixOf(entry->path());
         std::error_code unreadable;
-        if ((suffix == ".glb" || suffix == ".gltf") && entry->is_regular_file(unreadable) &&
+        if (isGltfName(entry->path()) && entry->is_regular_file(unreadable) &&
             !isInside(fs::weakly_canonical(entry->path(), unreadable), except))
             found.push_back(entry->path());
     }

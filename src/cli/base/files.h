@@ -28,6 +28,8 @@ std::string readFile(const std::filesystem::path &path);
 // Returns whether `path` is `folder` or below it, by their names.
 bool isInside(const std::filesystem::path &path, const std::filesystem::path &folder);
 
+// Returns whether a name ends in .glb or .gltf.
+bool isGltfName(const std::filesystem::path &path);
 // The .glb and .gltf files in a folder and in all folders in it, except those in `except`, by name. Throws Error.
 std::vector<std::filesystem::path> gltfFilesIn(const std::filesystem::path &folder,
                                                const std::filesystem::path &except = {});

@@ -105,6 +105,11 @@ bool isSuccess(Verdict verdict)
     }
 }
 
+bool failsRun(Verdict verdict, bool failOnFlake)
+{
+    return !isSuccess(verdict) || (failOnFlake && verdict == Verdict::Flake);
+}
+
 bool isImprovement(Verdict verdict)
 {
     return verdict == Verdict::ImprovedToPass || verdict == Verdict::ImprovedToFail ||

@@ -39,6 +39,8 @@ std::optional<Verdict> parseVerdict(const std::string &text);
 // Nothing for another text.
 std::optional<check::Status> parseStatus(const std::string &text);
 bool isSuccess(Verdict verdict);
+// `failOnFlake`: with --fail-on-flake.
+bool failsRun(Verdict verdict, bool failOnFlake);
 // Better than the baseline. No success: the baseline is to be updated.
 bool isImprovement(Verdict verdict);
 

@@ -341,7 +341,7 @@ Runner::Runner(RunSettings settings, const Expectations &expectations, std::func
     : settings_(std::move(settings)), expectations_(expectations), tick_(std::move(tick))
 {
     report_ = [this, report = std::move(report)](const Finished &finished) {
-        failed_ |= !isSuccess(finished.verdict) || (settings_.failOnFlake && finished.verdict == Verdict::Flake);
+        failed_ |= failsRun(finished.verdict, settings_.failOnFlake);
         report(finished);
     };
 }

@@ -83,6 +83,15 @@ std::vector<fs::path> listedPaths(const char *name)
     return paths;
 }
 
+// The variable in place of the places where the loader looks for drivers; null: it looks there.
+const char *variableOfDrivers()
+{
+    for (const char *name : {"VK_DRIVER_FILES", "VK_ICD_FILENAMES"})
+        if (variable(name))
+            return name;
+    return nullptr;
+}
+
 bool namesLayer(const fs::path &path)
 {
     std::ifstream file(path, std::ios::binary);
@@ -106,10 +115,8 @@ std::vector<Manifest> findDriverManifests()
                 manifests.push_back({part, {}, name, fs::exists(part, error) ? "" : "it does not exist"});
         }
     };
-    if (variable("VK_DRIVER_FILES"))
-        addNamed("VK_DRIVER_FILES");
-    else if (variable("VK_ICD_FILENAMES"))
-        addNamed("VK_ICD_FILENAMES");
+    if (const char *const name = variableOfDrivers())
+        addNamed(name);
     else
         for (const ManifestPlace &place : systemPlaces(ManifestKind::Driver))
             for (const fs::path &path : manifestsIn(place.path))
@@ -204,9 +211,7 @@ void explainDrivers(LoaderReport &report)
             report.problems.push_back("the driver's manifest " + utf8Text(manifest.path) + ": " + manifest.problem);
     if (!report.drivers.empty())
         return;
-    const char *const name = variable("VK_DRIVER_FILES")    ? "VK_DRIVER_FILES"
-                             : variable("VK_ICD_FILENAMES") ? "VK_ICD_FILENAMES"
-                                                            : nullptr;
+    const char *const name = variableOfDrivers();
     report.problems.push_back(
         name ? std::string(name) + " is set, so that the loader looks nowhere else, and names no driver"
              : "no Vulkan driver is installed: there is no manifest of one where the loader looks");
