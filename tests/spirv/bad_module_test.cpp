@@ -42,6 +42,32 @@ TEST(BadModules, CutShortAtEveryWord)
         }
 }
 
+// A small module whose decoration groups stand for gigabytes.
+TEST(BadModules, HugeDecorationGroups)
+{
+    const Module original = loadShader("flags.comp", "v15");
+    const uint32_t group = original[3];
+    Module words(original.begin(), original.begin() + 3);
+    words.insert(words.end(), {group + 1, 0});
+    bool added = false;
+    for (size_t at = 5; at < original.size(); at += original[at] >> 16) {
+        if (!added && (original[at] & 0xffff) == spv::OpDecorate) {
+            added = true;
+            for (uint32_t i = 0; i < 1000; ++i)
+                words.insert(words.end(), {3u << 16 | spv::OpDecorate, group, 0});
+            words.insert(words.end(),
+                         {2u << 16 | spv::OpDecorationGroup, group, 60'000u << 16 | spv::OpGroupDecorate, group});
+            words.resize(words.size() + 59'998, 1); // any id
+        }
+        words.insert(words.end(), original.begin() + static_cast<ptrdiff_t>(at),
+                     original.begin() + static_cast<ptrdiff_t>(at + (original[at] >> 16)));
+    }
+    ASSERT_TRUE(added);
+    const auto result = spirv::rewrite(words, {});
+    EXPECT_EQ(result.status, Status::Failed);
+    EXPECT_EQ(result.error, "decoration groups have too many targets");
+}
+
 TEST(BadModules, RandomWords)
 {
     std::mt19937 random(7);

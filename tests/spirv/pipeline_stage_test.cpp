@@ -354,6 +354,43 @@ TEST(PipelineStages, RemovesOtherEntryPoints)
     }
 }
 
+// Decorations by groups count as others: built-ins are found, and members of structures keep theirs.
+TEST(PipelineStages, ReadsDecorationGroups)
+{
+    std::string text = twoEntryPoints();
+    const size_t first = text.find("OpDecorate %index "), end = text.find("%void =");
+    text.replace(first, end - first, R"(
+        OpName %group "group"
+        OpDecorate %group BuiltIn InstanceCustomIndexKHR
+        OpDecorate %group2 BuiltIn IncomingRayFlagsKHR
+        OpDecorate %offset Offset 48
+        OpDecorate %block Block
+        OpDecorate %unused Block
+  %group = OpDecorationGroup
+ %group2 = OpDecorationGroup
+ %offset = OpDecorationGroup
+  %block = OpDecorationGroup
+ %unused = OpDecorationGroup
+        OpGroupDecorate %group %index
+        OpGroupDecorate %group2 %index2
+        OpGroupDecorate %block %struct %struct2
+        OpGroupMemberDecorate %offset %struct 0 %struct2 0
+)");
+    text.insert(text.find("%index = OpVariable"), "%struct = OpTypeStruct %int\n%struct2 = OpTypeStruct %int\n");
+    const auto result = spirv::rewrite(
+        assemble(text),
+        {.rootAddress = 0x1000,
+         .pipelineStage = spirv::PipelineStage{
+             "first", static_cast<uint32_t>(spv::ExecutionModelAnyHitKHR), Prologue::BoxHits, {kAllFixed, 0x80}}});
+    ASSERT_EQ(result.status, Status::Rewritten) << result.error;
+    EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
+    const std::string out = disassemble(result.words);
+    EXPECT_EQ(count(out, "OpFunctionCall %uint %vellumCustomIndex"), 1u) << out;
+    EXPECT_EQ(count(out, "BuiltIn IncomingRayFlags"), 1u) << out;
+    EXPECT_EQ(count(out, "Offset 48"), 2u) << out;
+    EXPECT_EQ(count(out, "Group"), 0u) << out;
+}
+
 // Instructions that compilers do not emit, in a module with one any-hit shader. `declarations` end the part before the
 // types.
 std::string anyHitText(const std::string &capability, const std::string &declarations, const std::string &body)

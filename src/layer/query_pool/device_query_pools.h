@@ -41,8 +41,6 @@ struct QueryPool {
     [[nodiscard]] bool available(uint32_t query) const;
 };
 
-// Host command. It reports that it is not available for emulated micromaps, and for structures that are micromaps.
-
 struct DeviceQueryPools {
     Driver &driver;
     DeviceBuffers &buffers;

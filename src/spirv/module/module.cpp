@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <map>
 
 namespace vellum::spirv
 {
@@ -152,6 +153,17 @@ uint32_t minimumWords(uint32_t opcode)
     }
 }
 
+bool isDecoration(uint32_t opcode)
+{
+    return opcode == spv::OpDecorate || opcode == spv::OpDecorateId || opcode == spv::OpDecorateString;
+}
+
+// The same decoration of a structure's member.
+uint32_t memberDecoration(uint32_t opcode)
+{
+    return opcode == spv::OpDecorateString ? spv::OpMemberDecorateString : spv::OpMemberDecorate;
+}
+
 } // namespace
 
 ResultShape resultShape(uint32_t opcode)
@@ -180,7 +192,7 @@ std::optional<Module> Module::parse(Words words, std::string &error)
     m.definitions_.resize(m.bound_);
     m.global_.resize(m.bound_);
     m.arena_.assign(words.begin(), words.end());
-    if (!m.split(words, error) || !m.checkReferences(error))
+    if (!m.split(words, error) || !m.checkReferences(error) || !m.expandDecorationGroups(error))
         return {};
     return m;
 }
@@ -281,6 +293,52 @@ bool Module::checkReferences(std::string &error) const
         if (in.opcode == spv::OpFunctionCall && definition(word(in, 3)).opcode != spv::OpFunction)
             error = "call of a function that does not exist";
     return error.empty();
+}
+
+// Decorations of groups become those of their targets (SPIR-V specification, 3.52.3: OpGroupDecorate).
+bool Module::expandDecorationGroups(std::string &error)
+{
+    std::map<Id, std::vector<Instruction>> groups;
+    auto &decorations = section(Section::Decorations);
+    for (const Instruction in : decorations)
+        if (in.opcode == spv::OpDecorationGroup)
+            groups.try_emplace(result(in));
+    if (groups.empty())
+        return true;
+    const auto groupOf = [&](Instruction in) { return groups.find(word(in, 1)); };
+    const auto isOfGroup = [&](Instruction in) { return groupOf(in) != groups.end(); };
+    for (const Instruction in : decorations)
+        if (const auto group = groupOf(in); group != groups.end() && isDecoration(in.opcode))
+            group->second.push_back(in);
+    std::vector<Instruction> expanded;
+    size_t added = 0; // words
+    for (const Instruction in : std::vector(std::move(decorations))) {
+        const bool members = in.opcode == spv::OpGroupMemberDecorate;
+        if (!members && in.opcode != spv::OpGroupDecorate) {
+            if (!isOfGroup(in))
+                expanded.push_back(in);
+            continue;
+        }
+        const auto group = groupOf(in);
+        for (uint32_t i = 2; group != groups.end() && i + (members ? 1 : 0) < in.count; i += members ? 2 : 1) {
+            for (const Instruction decoration : group->second) {
+                const Words w = words(decoration);
+                added += w.size();
+                if (added > kMaxBound || w.size() == kMaxInstructionWords) {
+                    error = "decoration groups have too many targets";
+                    return false;
+                }
+                std::vector<uint32_t> operands(w.begin() + 1, w.end());
+                operands[0] = word(in, i);
+                if (members)
+                    operands.insert(operands.begin() + 1, word(in, i + 1));
+                expanded.push_back(make(members ? memberDecoration(decoration.opcode) : decoration.opcode, operands));
+            }
+        }
+    }
+    decorations = std::move(expanded);
+    std::erase_if(section(Section::Names), isOfGroup);
+    return true;
 }
 
 std::vector<uint32_t> Module::serialize() const

@@ -104,7 +104,7 @@ class Module
 public:
     // Checks what this library requires: the layout of instructions in words, a limited id bound, result ids that are
     // in bounds and defined once, enough operands in every interpreted instruction, functions that begin and end.
-    // Returns nothing on failure, and sets `error`.
+    // Decoration groups are replaced by what they decorate. Returns nothing on failure, and sets `error`.
     static std::optional<Module> parse(Words words, std::string &error);
 
     std::vector<uint32_t> serialize() const;
@@ -159,6 +159,7 @@ private:
     void moveLines();
     bool define(Instruction in, bool global, std::string &error);
     bool checkReferences(std::string &error) const;
+    bool expandDecorationGroups(std::string &error);
 
     std::vector<uint32_t> arena_; // the parsed words, then those of new instructions
     std::array<std::vector<Instruction>, static_cast<size_t>(Section::Count)> sections_;
