@@ -43,27 +43,35 @@ spirv::RewriteOptions rewriteOptions(DevicePipelines &device, std::optional<spir
 namespace
 {
 
-// The hash of the application's code: `words`, or what validation has made them of.
-uint64_t originalHash(std::span<const uint32_t> words)
+// The application's code: `words`, or what validation has made them of.
+std::span<const uint32_t> originalOf(std::span<const uint32_t> words)
 {
-    return ShaderWarnings::hashOf(
-        input::Checked<input::OriginalCode>::take(words.data(), [words] { return input::OriginalCode{words}; }).words);
+    return input::Checked<input::OriginalCode>::take(words.data(), [words] { return input::OriginalCode{words}; })
+        .words;
 }
 
 // Sends a warning about a shader, once for the same code.
 void warnOnce(DevicePipelines &device, std::span<const uint32_t> words, const char *id, const std::string &text)
 {
-    if (device.shaderWarnings.isFirst(id, originalHash(words)))
+    if (device.shaderWarnings.isFirst(id, ShaderWarnings::hashOf(originalOf(words))))
         device.driver.report().warning(id, text);
 }
 
 // Ray queries of KHR without the execution mode are harmless if they meet no micromaps. Some applications forget it,
-// such as the Vulkan tutorial's engine.
+// such as the Vulkan tutorial's engine. The shader has no handle yet: its entry points and size tell which it is.
 void warnOfQueries(DevicePipelines &device, std::span<const uint32_t> words, const std::string &text)
 {
     constexpr const char *kId = "VELLUM-queries-without-micromaps";
-    if (device.shaderWarnings.isFirst(kId, originalHash(words)))
-        device.objects.warnings.warn(kId, text);
+    const std::span<const uint32_t> original = originalOf(words);
+    if (!device.shaderWarnings.isFirst(kId, ShaderWarnings::hashOf(original)))
+        return;
+    std::string error, names;
+    for (const spirv::EntryPoint &entry :
+         spirv::readEntryPoints(original, error).value_or(std::vector<spirv::EntryPoint>{}))
+        if (entry.queries && entry.mode.when == spirv::MicromapMode::When::Absent)
+            names += entry.name + ", ";
+    device.objects.warnings.warn(kId, "a shader (" + names + std::to_string(original.size_bytes()) +
+                                          " bytes of SPIR-V)" + text);
 }
 
 // Words that belong to a result.
@@ -93,11 +101,10 @@ SharedWords translateShader(DevicePipelines &device, std::span<const uint32_t> w
     auto result = std::make_shared<spirv::TranslateResult>(spirv::translateToExt(words));
     const Driver &driver = device.driver;
     if (result->queriesForget && driver.enabled.khrFeature && !driver.enabled.ext && !driver.assumesMicromaps())
-        warnOfQueries(
-            device, words,
-            "a shader has ray queries and no execution mode OpacityMicromapIdKHR: on this device, whose driver has "
-            "VK_EXT_opacity_micromap, they use micromaps nevertheless; on others, every hit on geometry with "
-            "micromaps is non-opaque");
+        warnOfQueries(device, words,
+                      " has ray queries and no execution mode OpacityMicromapIdKHR: on this device, whose driver has "
+                      "VK_EXT_opacity_micromap, they use micromaps nevertheless; on others, every hit on geometry with "
+                      "micromaps is non-opaque");
     return wordsOf(std::move(result));
 }
 
@@ -122,7 +129,7 @@ std::optional<SharedWords> emulateMicromaps(DevicePipelines &device, std::span<c
     if (result.queriesForget && device.driver.enabled.khrFeature)
         warnOfQueries(
             device, words,
-            "a shader has ray queries and no execution mode OpacityMicromapIdKHR: where they meet micromaps, every "
+            " has ray queries and no execution mode OpacityMicromapIdKHR: where they meet micromaps, every "
             "hit on their geometry is non-opaque. Give it the mode (vellum spirv --enable-micromaps), or let all ray "
             "queries use them by the setting assume_micromaps (--assume-micromaps of vellum run)");
     if (result.lacksHiddenFlags)
