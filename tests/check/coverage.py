@@ -7,7 +7,7 @@ of Vulkan's headers. Whatever is not varied needs a reason in not_varied.txt: li
 wildcards. A reason for something that is varied is an error too, and so is a page without a member. With --write, the page is
 written anew.
 
-usage: coverage.py BUILD PAGE [--write] [--recorded FOLDER] [-- OPTION...]     options of vellum check instead of --quick
+usage: coverage.py BUILD PAGE [--write] [--recorded FOLDER] [-- OPTION...]     options of vellum check instead of --quick --jobs 1
 """
 import collections
 import fnmatch
@@ -153,7 +153,7 @@ def name_as_on(page, listing):
 
 def main():
     words = sys.argv[1:]
-    options = words[words.index("--") + 1:] if "--" in words else ["--quick"]
+    options = words[words.index("--") + 1:] if "--" in words else ["--quick", "--jobs", "1"]
     words = words[:words.index("--")] if "--" in words else words
     recorded = None
     if "--recorded" in words:
