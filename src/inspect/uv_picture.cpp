@@ -5,6 +5,7 @@
 #include <cmath>
 #include <fmt/format.h>
 
+#include "base/error.h"
 #include "base/text.h"
 
 namespace vellum::inspect
@@ -269,7 +270,7 @@ namespace
 {
 
 constexpr double kMostPixels = 64e6;
-constexpr uint32_t kSmallestEdge = 160;
+constexpr double kSmallestEdge = 160;
 constexpr int kMargin = 28;      // around everything, and between panels
 constexpr int kHead = 58;        // above a panel's picture, for its name
 constexpr int kScaleWidth = 58;  // next to it
@@ -398,17 +399,20 @@ int drawLegend(LabelledPicture *drawing, const Tally &tally, int x, int y)
 
 LabelledPicture drawUvSpace(const InspectedFile &file, const UvPictureOptions &options)
 {
-    const auto count = static_cast<double>(file.materials.size());
-    const auto edge = static_cast<uint32_t>(
-        std::min<double>(options.edge, std::max<double>(std::sqrt(kMostPixels / count), kSmallestEdge)));
-    const auto columns = static_cast<size_t>(std::ceil(std::sqrt(count)));
-    std::vector<Panel> panels(file.materials.size());
+    const size_t count = file.materials.size();
+    const auto columns = static_cast<size_t>(std::ceil(std::sqrt(static_cast<double>(count))));
+    const size_t rows = (count + columns - 1) / columns;
+    constexpr int kAround = std::max(kScaleWidth + kMargin, kHead + kScaleHeight + kMargin / 2); // a panel's picture
+    const double fitting = std::sqrt(kMostPixels / static_cast<double>(rows * columns)) - kAround;
+    if (fitting < std::min<double>(options.edge, kSmallestEdge))
+        throw Error(grouped(count) + " materials are too many for a picture; --material chooses some");
+    const auto edge = static_cast<uint32_t>(std::min<double>(options.edge, fitting));
+    std::vector<Panel> panels(count);
     for (uint32_t m = 0; m < panels.size(); ++m) {
         panels[m].material = m;
         panels[m].window = windowOf(file, m, options, edge);
         panels[m].tally = tallyOfMaterial(file, m);
     }
-    const size_t rows = (panels.size() + columns - 1) / columns;
     std::vector<int> widths(columns), heights(rows);
     for (size_t i = 0; i < panels.size(); ++i) {
         const UvWindow &window = panels[i].window;

@@ -92,7 +92,8 @@ struct UvPictureOptions {
 };
 
 // A panel for each material, with its name, a scale and the shares of states, and a legend. Panels are smaller where
-// there are so many that the picture would have more than 64 million pixels.
+// there are so many that the picture would have more than 64 million pixels. Throws Error where no panel would be
+// legible then.
 LabelledPicture drawUvSpace(const InspectedFile &file, const UvPictureOptions &options);
 
 } // namespace vellum::inspect

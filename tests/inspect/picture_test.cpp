@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include "base/error.h"
 #include "base/picture.h"
 #include "inspect/uv_picture.h"
 #include "made_up_file.h"
@@ -103,6 +104,24 @@ TEST(UvPicture, PanelsWithScalesAndALegend)
     // Coordinates from here to the ends of what a float can be are drawn, too.
     file.primitives[0].uvs[0] = {{{-3e38f, 3e38f}, {3e38f, 0}, {1e-38f, -3e38f}}};
     EXPECT_GT(drawUvSpace(file, {.edge = 200, .outlines = true, .whole = false}).picture.width, 200u);
+}
+
+TEST(UvPicture, TooManyMaterials)
+{
+    InspectedFile file = madeUpFile();
+    file.materials.resize(3000, file.materials[0]);
+    try {
+        drawUvSpace(file, {.edge = 64, .outlines = false, .whole = true});
+        ADD_FAILURE() << "drawn";
+    } catch (const Error &error) {
+        EXPECT_STREQ(error.what(), "3,000 materials are too many for a picture; --material chooses some");
+    }
+}
+
+TEST(PictureFile, TooLargeForPng)
+{
+    const Picture picture{40000, 36000, {}}; // more bytes than 32 bits count
+    EXPECT_THROW(encodePng(picture), Error);
 }
 
 TEST(PictureText, FitsANameOfAnyLength)
