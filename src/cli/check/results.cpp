@@ -348,6 +348,8 @@ std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &re
             json.member("detail", result->details->text);
         if (result->details != nullptr && result->details->before != 0)
             json.member("before", result->details->before);
+        if (result->details != nullptr && !result->details->reproducer.empty())
+            json.member("reproducer", result->details->reproducer);
         json.end();
     });
     json.end();
@@ -427,6 +429,22 @@ OutputFolder::OutputFolder(std::filesystem::path path, bool force) : path_(std::
     if (error)
         throw Error(utf8Text(path_) + " cannot be written: " + error.message());
     checkFolderOf(path_ / kResultsFile);
+    if (std::filesystem::exists(path_ / kResultsFile, error))
+        removeFailures();
+}
+
+void OutputFolder::removeFailures() const
+{
+    std::error_code error;
+    std::vector<std::filesystem::path> files;
+    for (const auto &entry : std::filesystem::directory_iterator(path_ / kFailures, error))
+        if (parseCase(utf8Text(entry.path().stem())))
+            files.push_back(entry.path());
+    for (const std::filesystem::path &file : files) {
+        std::filesystem::remove(file, error);
+        if (error)
+            throw Error(utf8Text(file) + " cannot be removed: " + error.message());
+    }
 }
 
 std::string OutputFolder::writeFailure(const Finished &finished, uint64_t seed)
@@ -511,7 +529,9 @@ CaseResult caseOf(const rapidjson::Value &object, const std::filesystem::path &f
                                 object.HasMember("before") ? JsonReader::numberOf(object, "before") : 0};
     if (result.status == check::Status::Pass && details.cause.empty())
         return result;
-    if (const std::filesystem::path file = OutputFolder::reproducerIn(folder, *id); std::filesystem::exists(file))
+    // The folder may have another path now.
+    const std::filesystem::path file = OutputFolder::reproducerIn(folder, *id);
+    if (object.HasMember("reproducer") && std::filesystem::exists(file))
         details.reproducer = utf8Text(file);
     result.details = std::make_shared<CaseResult::Details>(std::move(details));
     return result;

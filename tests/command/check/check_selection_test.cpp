@@ -2,6 +2,7 @@
 // `vellum check`: which cases run, what is expected of them, and replaying.
 #include <gtest/gtest.h>
 #include <regex>
+#include <set>
 
 #include "check/results.h"
 
@@ -331,6 +332,42 @@ TEST_F(CheckSelection, MergedFailuresOfACause)
     std::filesystem::remove_all(folder_ / "all");
     const Outcome without = runVellum(merge);
     EXPECT_NE(without.output.find(replayOf("khr.bad.0001")), std::string::npos) << without.output;
+}
+
+TEST_F(CheckSelection, FailuresOfAnEarlierRunGo)
+{
+    const std::vector<std::string> known = {"--filter", "khr.bad.*", "--baseline",
+                                            file("known.csv", "khr.bad.0000,Fail\n")};
+    const std::filesystem::path failures = folder_ / "out/failures";
+    const auto names = [](const std::filesystem::path &of) {
+        std::set<std::string> found;
+        for (const auto &entry : std::filesystem::directory_iterator(of))
+            found.insert(entry.path().filename().string());
+        return found;
+    };
+    run({"--filter", "khr.bad.0000"});
+    EXPECT_TRUE(std::filesystem::exists(failures / "khr.bad.0000.json"));
+    writeFile(failures / "notes.txt", "of the user");
+    run(known);
+    EXPECT_FALSE(std::filesystem::exists(failures / "khr.bad.0000.json")) << "it failed as expected";
+    EXPECT_FALSE(std::filesystem::exists(failures / "khr.bad.0000.png"));
+    EXPECT_TRUE(std::filesystem::exists(failures / "khr.bad.0001.json"));
+    EXPECT_EQ(textOf(failures / "notes.txt"), "of the user");
+    // Files of a folder without results are not those of a run: they stay, and are no reproducers.
+    const std::filesystem::path out = folder_ / "out";
+    std::filesystem::remove_all(out);
+    std::filesystem::create_directories(failures);
+    writeFile(failures / "khr.bad.0000.json", "of another program");
+    std::vector<std::string> forced = known;
+    forced.emplace_back("--force");
+    run(forced);
+    EXPECT_EQ(textOf(failures / "khr.bad.0000.json"), "of another program");
+    runVellum({"check", "--merge", out.string(), "--output", (folder_ / "all").string()});
+    std::set<std::string> copied;
+    for (const char *number : {"1", "2", "3"})
+        for (const char *suffix : {"json", "png", "txt"})
+            copied.insert(std::string("khr.bad.000") + number + "." + suffix);
+    EXPECT_EQ(names(folder_ / "all/failures"), copied);
 }
 
 TEST_F(CheckSelection, NewCasesInABaseline)
