@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // `vellum check`
 #include <algorithm>
-#include <array>
 #include <cctype>
 #include <cstdint>
 #include <cstdio>
@@ -713,9 +712,6 @@ void checkTogether(const CheckOptions &options)
         throw UsageError("--minutes makes new cases, so it takes no --caselist");
     if (options.quick && options.caseList)
         throw UsageError("--quick selects cases of its own, so it takes no --caselist");
-    if (options.replay &&
-        (options.list || options.quick || options.minutes || options.caseList || !options.filters.empty()))
-        throw UsageError("--replay runs one case, so it takes no option that selects cases");
     if (options.results)
         checkSuffix(*options.results, {".csv"});
     if (options.junit)
@@ -724,14 +720,12 @@ void checkTogether(const CheckOptions &options)
         throw UsageError("--implementation is for the layer, which --no-layer does without");
 }
 
-// --merge takes the options of what is written only.
-void checkMerge(const CLI::App &command)
+// Throws UsageError for an option that is not among `taken`, with the reason in front.
+void checkTaken(const CLI::App &command, const std::string &reason, std::initializer_list<std::string> taken)
 {
-    constexpr std::array kTaken = {"--merge", "--output", "--force",        "--results",
-                                   "--junit", "--json",   "--fail-on-flake"};
     for (const CLI::Option *option : command.get_options())
-        if (const std::string name = option->get_name(); option->count() != 0 && std::ranges::count(kTaken, name) == 0)
-            throw UsageError("--merge runs no cases, so it takes no " + name);
+        if (const std::string name = option->get_name(); option->count() != 0 && std::ranges::count(taken, name) == 0)
+            throw UsageError(reason + ", so it takes no " + name);
 }
 
 } // namespace
@@ -749,7 +743,11 @@ std::function<int()> declareCheckCommand(CLI::App &app)
     return [options, &command] {
         checkTogether(*options);
         if (!options->merge.empty())
-            checkMerge(command);
+            checkTaken(command, "--merge runs no cases",
+                       {"--merge", "--output", "--force", "--results", "--junit", "--json", "--fail-on-flake"});
+        if (options->replay)
+            checkTaken(command, "--replay runs one case",
+                       {"--replay", "--device", "--no-layer", "--implementation", "--layer-path", "--timeout"});
         return checkCommand(*options);
     };
 }

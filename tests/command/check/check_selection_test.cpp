@@ -479,6 +479,38 @@ TEST_F(CheckSelection, MergingTakesNoOptionOfRuns)
     }
 }
 
+TEST_F(CheckSelection, ReplayingTakesNoOptionOfRuns)
+{
+    run({"--filter", "khr.bad.0000"});
+    const std::string failure = (folder_ / "out/failures/khr.bad.0000.json").string();
+    const std::vector<std::vector<std::string>> wrong = {
+        {"--json"},
+        {"--list"},
+        {"--groups"},
+        {"--quick"},
+        {"--fail-on-flake"},
+        {"--junit", (folder_ / "a.xml").string()},
+        {"--results", (folder_ / "a.csv").string()},
+        {"--output", (folder_ / "other").string()},
+        {"--baseline", file("a", "")},
+        {"--skips", file("b", "")},
+        {"--flakes", file("c", "")},
+        {"--seed", "2"},
+        {"--shard", "1/2"},
+        {"--api", "ext"},
+    };
+    for (std::vector<std::string> words : wrong) {
+        const std::string option = words.front();
+        words.insert(words.begin(), {"check", "--replay", failure});
+        const Outcome outcome = runVellum(words);
+        EXPECT_EQ(outcome.exitCode, 2) << option;
+        EXPECT_EQ(outcome.errors, "vellum: --replay runs one case, so it takes no " + option + "\n");
+    }
+    const Outcome outcome =
+        runVellum({"check", "--replay", failure, "--no-layer", "--device", "fake", "--timeout", "9"});
+    EXPECT_EQ(outcome.exitCode, 1) << outcome.errors;
+}
+
 TEST_F(CheckSelection, OtherFilesStay)
 {
     std::filesystem::create_directory(folder_ / "out");
