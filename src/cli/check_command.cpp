@@ -50,7 +50,7 @@ FOLDER gets results.csv and failures.csv as deqp-runner writes them, junit.xml, 
 three failing cases of each cause as files for --replay, with what explains them.
 
 The files of --baseline, --skips and --flakes are those of deqp-runner. A baseline has a line NAME,STATUS for each known
-failure; an earlier failures.csv is one. Skips and flakes are regular expressions that match a part of a name, one a line;
+failure; the failures.csv of a run without --baseline is one. Skips and flakes are regular expressions that match a part of a name, one a line;
 lines that begin with # are comments. Known failures and known flakes do not fail a run; cases of the baseline that improved
 do. A filter, a line of a baseline and an expression that match no case are usage errors.
 

@@ -104,8 +104,8 @@ inline constexpr const char *kResultsFile = "results.json";
 
 // deqp-runner's results.csv: name,status,seconds, by name.
 std::string resultsCsv(const std::vector<CaseResult> &results);
-// failures.csv as deqp-runner writes it: name,status of all cases that did not pass. It can be the baseline of the next
-// run.
+// failures.csv as deqp-runner writes it: name,status of unexpected results. Of a run without a baseline, it can be that
+// of the next run.
 std::string failuresCsv(const std::vector<CaseResult> &results);
 // JUnit's XML, a test suite for each group and extension.
 std::string junitXml(const RunFacts &facts, const std::vector<CaseResult> &results);

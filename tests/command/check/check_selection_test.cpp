@@ -211,6 +211,17 @@ TEST_F(CheckSelection, FailuresAreTheNextBaseline)
     EXPECT_NE(check.outcome.output.find("7 expected failures"), std::string::npos) << check.outcome.output;
 }
 
+TEST_F(CheckSelection, ImprovementsAreTheNextBaseline)
+{
+    const std::string crashes = file("crashes.csv", "khr.bad.0000,Crash\n");
+    EXPECT_EQ(run({"--filter", "khr.bad.0000", "--baseline", crashes}).outcome.exitCode, 1);
+    const std::string improved = file("improved.csv", textOf(folder_ / "out/failures.csv"));
+    EXPECT_EQ(textOf(improved), "khr.bad.0000,UnexpectedImprovement(Fail)\n");
+    const CheckRun check = run({"--filter", "khr.bad.0000", "--baseline", improved});
+    EXPECT_EQ(check.results, (Statuses{{"khr.bad.0000", "ExpectedFail"}}));
+    EXPECT_EQ(check.outcome.exitCode, 0);
+}
+
 TEST_F(CheckSelection, SkipsAndFlakes)
 {
     const std::string skips = file("skips.txt", "# too slow\nkhr.hang.*\n");
