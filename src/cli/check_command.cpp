@@ -391,7 +391,7 @@ public:
             return;
         CaseResult::Details details{finished.outcome.cause, finished.outcome.detail, {}, finished.before.size()};
         std::replace(details.cause.begin(), details.cause.end(), '\n', ' ');
-        std::replace_if(details.cause.begin(), details.cause.end(), isControl, '?'); // a driver may have printed it
+        details.cause = printable(std::move(details.cause)); // a driver may have printed it
         const bool ran = finished.verdict != Verdict::Missing && finished.verdict != Verdict::ExpectedFail;
         if (ran && result.status != check::Status::Pass && result.status != check::Status::Skip)
             tryToWrite(error_, [&] { details.reproducer = folder_.writeFailure(finished, options_.seed); });
@@ -435,7 +435,7 @@ private:
     {
         tryToWrite(error_, [&] { folder_.writeResults(facts_, results_); });
     }
-    static bool isControl(char c) { return static_cast<unsigned char>(c) < ' ' || c == 0x7f; }
+
     const CheckOptions &options_;
     OutputFolder folder_;
     RunFacts facts_;
@@ -554,7 +554,7 @@ int replay(const CheckOptions &options, const DeviceSummary &device, const CaseI
         Interruptible::die();
     if (!result)
         throw Error("the case was not run");
-    fmt::print("{}: {}\nmicromaps: {}\n", nameOf(id), causeOf(result->outcome), device.implementation);
+    fmt::print("{}: {}\nmicromaps: {}\n", nameOf(id), printable(causeOf(result->outcome)), device.implementation);
     if (const std::string before = namesOf(parseReproducer(settings.replay).before); !before.empty())
         fmt::print("run after these in the same process: {}\n", before);
     const auto &files = result->outcome.files;
