@@ -280,7 +280,7 @@ InspectedFile Inspector::inspect(const DocumentBakeOptions *bake)
 {
     const std::filesystem::path &path = document_.path();
     file_.name = utf8Text(path.filename());
-    file_.bytes = document_.bytes().size() + bytesBeside();
+    file_.bytes = document_.fileBytes() + bytesBeside();
     checkSelection();
     file_.meshCount = document_.model().meshes.size();
     file_.primitiveCount = trianglePrimitives(document_).size();
