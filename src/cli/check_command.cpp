@@ -716,6 +716,8 @@ void checkTogether(const CheckOptions &options)
         checkSuffix(*options.results, {".csv"});
     if (options.junit)
         checkSuffix(*options.junit, {".xml"});
+    if (options.results && options.junit && locationOf(*options.results) == locationOf(*options.junit))
+        throw UsageError("--results and --junit name the same file");
     if (!options.implementation.empty() && !options.layer)
         throw UsageError("--implementation is for the layer, which --no-layer does without");
 }

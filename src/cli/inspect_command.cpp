@@ -244,6 +244,8 @@ void finishInspect(InspectOptions &options)
     placeOutputs(options);
     if (writesToStdout(options) && (options.json || options.html == options.picture))
         throw UsageError("stdout takes only one of the page, the picture and --json");
+    if (options.html && options.picture && locationOf(*options.html) == locationOf(*options.picture))
+        throw UsageError("--html and --picture name the same file");
     if (options.html)
         checkSuffix(*options.html, {".html", ".htm"});
     if (options.picture)
