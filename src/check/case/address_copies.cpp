@@ -243,6 +243,8 @@ std::string brokenRule(const AddressPlan &plan, const AddressCommand &command)
     for (const AddressRegion &region : command.regions)
         if (std::string broken = brokenRegionRule(plan, command, region); !broken.empty())
             return broken;
+    if (!several)
+        return {};
     // Nothing orders regions. VUID-VkCopyDeviceMemoryImageInfoKHR-pRegions-12473
     std::vector<std::vector<bool>> written, inTarget;
     for (const uint32_t size : plan.buffers) {
