@@ -136,5 +136,7 @@ Case randomCase(uint32_t seed, uint32_t rays)
     c.trace.vertexBuffers = c.trace.stage == VK_SHADER_STAGE_VERTEX_BIT && !c.trace.byAddress &&
                             c.trace.flags == TracePlan::Flags::RunTime && yes();
     c.trace.shaderObjects = c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && !c.trace.inlineModules && yes();
+    if (!c.build.single && yes())
+        c.addressCopies = randomAddressCopies(random);
     return c;
 }

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "check/case/address_copies.h"
 #include "check/case/names.h"
 #include "check/oracle/cpu_trace.h"
 #include "check/oracle/outcome.h"
@@ -180,6 +181,7 @@ public:
         line("");
         line("Commands:");
         writeMicromaps();
+        writeAddressCopies();
         writeObjects();
         for (const Step &step : case_.steps)
             if (targetOf(step.kind) != Target::Top)
@@ -307,6 +309,7 @@ private:
     void writeTracePlan();
     void writePipeline(const PipelinePlan &pipeline);
     void writeQueries(const QueryPlan &plan);
+    void writeAddressCopies();
     void writeRay();
     void writeHit(const Ray &ray, const Hit &hit);
     [[nodiscard]] int explainState(const Hit &hit);
@@ -348,6 +351,49 @@ void Account::writeQueries(const QueryPlan &plan)
             text += fmt::format(", {} bytes between results", 8 * command.padding);
         line("     {}", text);
     }
+}
+
+// What a command does with a region.
+std::string describe(const AddressPlan &plan, const AddressCommand &command, const AddressRegion &region)
+{
+    const std::string place = fmt::format("buffer {} + {}", region.buffer, region.offset);
+    const std::string range =
+        region.spare > 0 ? fmt::format(", in a range of {} bytes", rangeSize(plan, command, region)) : std::string();
+    switch (command.kind) {
+    case AddressCommand::Kind::Copy:
+        return fmt::format("{} bytes from buffer {} + {} to {}{}", region.size, region.from, region.fromOffset, place,
+                           range);
+    case AddressCommand::Kind::Update: return fmt::format("{} bytes at {}{}", region.size, place, range);
+    case AddressCommand::Kind::Fill:
+        return fmt::format("{} bytes at {}, with {:#010x}", region.size, place, command.value);
+    default: break;
+    }
+    const std::string image = fmt::format("level {}, layers {} to {}, {} x {} x {} texels at ({}, {}, {})",
+                                          region.level, region.layer, region.layer + region.layers - 1, region.width,
+                                          region.height, region.depth, region.x, region.y, region.z);
+    const bool to = command.kind == AddressCommand::Kind::CopyToImage;
+    return fmt::format("from {} to {}, addressRowLength {}, addressImageHeight {}{}", to ? place : image,
+                       to ? image : place, region.rowLength, region.imageHeight, range);
+}
+
+void Account::writeAddressCopies()
+{
+    const AddressPlan &plan = case_.addressCopies;
+    if (plan.commands.empty())
+        return;
+    number("Commands at device addresses of buffers of {} bytes, with a barrier after each:",
+           fmt::join(plan.buffers, ", "));
+    for (size_t i = 0; i < plan.commands.size(); ++i) {
+        const AddressCommand &command = plan.commands[i];
+        line("     command {}: {}{}:", i, nameOf(kAddressCommandNames, command.kind),
+             command.fullyBound ? ", FULLY_BOUND" : "");
+        for (const AddressRegion &region : command.regions)
+            line("       {}", describe(plan, command, region));
+    }
+    if (usesImage(plan))
+        line("     The image: {} x {} x {} {}, {}, {}, {}.", plan.width, plan.height, plan.depth,
+             nameOf(kImageFormatNames, plan.format), counted(plan.levels, "level"), counted(plan.layers, "layer"),
+             plan.optimal ? "VK_IMAGE_LAYOUT_TRANSFER_..._OPTIMAL" : "VK_IMAGE_LAYOUT_GENERAL");
 }
 
 std::string Account::commandsOf(const Step &step) const

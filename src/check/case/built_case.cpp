@@ -102,6 +102,7 @@ BuiltCase::BuiltCase(Device &gpu, const Case &c)
 void BuiltCase::addParts()
 {
     parts_.emplace_back([this] { buildMicromaps(); });
+    parts_.emplace_back([this] { copyAtAddresses(); });
     parts_.emplace_back([this] { buildObjects(); });
     for (const Step &step : case_.steps) {
         if (targetOf(step.kind) != Target::Top)

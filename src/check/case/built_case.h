@@ -19,6 +19,9 @@ namespace vellum::check
 // The flags that a bottom-level structure of the case is built with.
 VkBuildAccelerationStructureFlagsKHR buildFlagsOf(const Case &c, uint32_t object);
 
+// Returns whether the device can create the image of the plan.
+bool supportsImage(const Device &gpu, const AddressPlan &plan);
+
 class BuiltCase
 {
 public:
@@ -140,6 +143,7 @@ private:
     void execute(const std::string &what, const Writes &writes, const Record &record, bool repeatable = true);
     void executeOnHost(const std::string &what, const Writes &writes, const std::function<void()> &command);
     void runQueries();
+    void copyAtAddresses();
     [[nodiscard]] VkAccelerationStructureKHR structureOf(const QueryTarget &target) const;
     // The value that a query of that structure reports in a pool of its own.
     [[nodiscard]] uint64_t alone(QueryPlan::Property property, const QueryTarget &target);

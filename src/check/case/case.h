@@ -192,6 +192,49 @@ struct QueryPlan {
     std::vector<QueryCommand> commands;
 };
 
+// A region of a command of VK_KHR_device_address_commands that copies, updates or fills: a range of a buffer, and what
+// it is copied from or to.
+struct AddressRegion {
+    uint32_t buffer = 0;     // that is written; CopyToImage: that is read
+    uint32_t offset = 0;     // of the range in it
+    uint32_t size = 4;       // Copy, Update, Fill: the bytes that are written
+    uint32_t spare = 0;      // bytes behind those of the command that its range has as well; not of Fill
+    uint32_t from = 0;       // Copy: the buffer that is read
+    uint32_t fromOffset = 0; // Copy
+    // CopyToImage, CopyFromImage
+    uint32_t level = 0, layer = 0, layers = 1;
+    uint32_t x = 0, y = 0, z = 0;
+    uint32_t width = 1, height = 1, depth = 1;
+    uint32_t rowLength = 0, imageHeight = 0;
+};
+
+struct AddressCommand {
+    enum class Kind {
+        Copy,          // vkCmdCopyMemoryKHR
+        CopyToImage,   // vkCmdCopyMemoryToImageKHR
+        CopyFromImage, // vkCmdCopyImageToMemoryKHR
+        Update,        // vkCmdUpdateMemoryKHR
+        Fill,          // vkCmdFillMemoryKHR
+        Count
+    };
+    Kind kind = Kind::Copy;
+    std::vector<AddressRegion> regions; // Update, Fill: one
+    uint32_t value = 0;                 // Fill: the word. Update: the number that its data is made from
+    bool fullyBound = false;            // VK_ADDRESS_COMMAND_FULLY_BOUND_BIT_KHR
+};
+
+// Commands that copy, update and fill memory at device addresses. A command buffer of its own executes them when the
+// micromaps are built, with a barrier between them.
+struct AddressPlan {
+    std::vector<uint32_t> buffers; // their sizes
+    // The image of these commands
+    VkFormat format = VK_FORMAT_R8G8B8A8_UNORM;
+    bool volume = false; // VK_IMAGE_TYPE_3D
+    uint32_t width = 1, height = 1, depth = 1, levels = 1, layers = 1;
+    bool optimal = false; // VK_IMAGE_LAYOUT_TRANSFER_..._OPTIMAL instead of GENERAL
+    std::vector<AddressCommand> commands;
+};
+
 // How the rays are traced.
 struct TracePlan {
     enum class Method { Query, Pipeline };
@@ -276,6 +319,7 @@ struct Case {
     BuildPlan build;
     std::vector<Step> steps;
     std::vector<QueryPlan> queries;
+    AddressPlan addressCopies;
     TracePlan trace;
 };
 

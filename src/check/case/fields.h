@@ -250,6 +250,54 @@ void of(Archive &archive, T &plan)
     archive.list("commands", plan.commands);
 }
 
+template <class Archive, Is<AddressRegion> T>
+void of(Archive &archive, T &region)
+{
+    const AddressRegion standard;
+    archive.value("buffer", region.buffer, standard.buffer);
+    archive.value("offset", region.offset, standard.offset);
+    archive.value("size", region.size, standard.size);
+    archive.value("spare", region.spare, standard.spare);
+    archive.value("from", region.from, standard.from);
+    archive.value("fromOffset", region.fromOffset, standard.fromOffset);
+    archive.value("level", region.level, standard.level);
+    archive.value("layer", region.layer, standard.layer);
+    archive.value("layers", region.layers, standard.layers);
+    archive.value("x", region.x, standard.x);
+    archive.value("y", region.y, standard.y);
+    archive.value("z", region.z, standard.z);
+    archive.value("width", region.width, standard.width);
+    archive.value("height", region.height, standard.height);
+    archive.value("depth", region.depth, standard.depth);
+    archive.value("rowLength", region.rowLength, standard.rowLength);
+    archive.value("imageHeight", region.imageHeight, standard.imageHeight);
+}
+
+template <class Archive, Is<AddressCommand> T>
+void of(Archive &archive, T &command)
+{
+    archive.name("command", command.kind, kAddressCommandNames);
+    archive.list("regions", command.regions);
+    archive.value("value", command.value, 0u);
+    archive.value("fullyBound", command.fullyBound, false);
+}
+
+template <class Archive, Is<AddressPlan> T>
+void of(Archive &archive, T &plan)
+{
+    const AddressPlan standard;
+    archive.indices("buffers", plan.buffers);
+    archive.name("format", plan.format, kImageFormatNames, standard.format);
+    archive.value("volume", plan.volume, standard.volume);
+    archive.value("width", plan.width, standard.width);
+    archive.value("height", plan.height, standard.height);
+    archive.value("depth", plan.depth, standard.depth);
+    archive.value("levels", plan.levels, standard.levels);
+    archive.value("layers", plan.layers, standard.layers);
+    archive.value("optimal", plan.optimal, standard.optimal);
+    archive.list("commands", plan.commands);
+}
+
 template <class Archive, Is<TracePlan> T>
 void of(Archive &archive, T &trace)
 {
@@ -304,6 +352,7 @@ void of(Archive &archive, T &c)
     archive.object("build", c.build);
     archive.list("steps", c.steps);
     archive.list("queries", c.queries);
+    archive.object("addressCopies", c.addressCopies);
     archive.object("trace", c.trace);
 }
 

@@ -89,6 +89,23 @@ inline constexpr std::array kQueryTargetNames{
     Name<QueryTarget::Of>{QueryTarget::Of::Top, "top"},
 };
 
+inline constexpr std::array kAddressCommandNames{
+    Name<AddressCommand::Kind>{AddressCommand::Kind::Copy, "vkCmdCopyMemoryKHR"},
+    Name<AddressCommand::Kind>{AddressCommand::Kind::CopyToImage, "vkCmdCopyMemoryToImageKHR"},
+    Name<AddressCommand::Kind>{AddressCommand::Kind::CopyFromImage, "vkCmdCopyImageToMemoryKHR"},
+    Name<AddressCommand::Kind>{AddressCommand::Kind::Update, "vkCmdUpdateMemoryKHR"},
+    Name<AddressCommand::Kind>{AddressCommand::Kind::Fill, "vkCmdFillMemoryKHR"},
+};
+static_assert(kAddressCommandNames.size() == static_cast<size_t>(AddressCommand::Kind::Count));
+// Formats that every device can copy, whose texels have 1, 2, 4, 8 and 16 bytes.
+inline constexpr std::array kImageFormatNames{
+    Name<VkFormat>{VK_FORMAT_R8_UINT, "VK_FORMAT_R8_UINT"},
+    Name<VkFormat>{VK_FORMAT_R8G8_UINT, "VK_FORMAT_R8G8_UINT"},
+    Name<VkFormat>{VK_FORMAT_R8G8B8A8_UNORM, "VK_FORMAT_R8G8B8A8_UNORM"},
+    Name<VkFormat>{VK_FORMAT_R16G16B16A16_UINT, "VK_FORMAT_R16G16B16A16_UINT"},
+    Name<VkFormat>{VK_FORMAT_R32G32B32A32_UINT, "VK_FORMAT_R32G32B32A32_UINT"},
+};
+
 inline constexpr std::array kMethodNames{
     Name<TracePlan::Method>{TracePlan::Method::Query, "query"},
     Name<TracePlan::Method>{TracePlan::Method::Pipeline, "pipeline"},

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 
+#include "check/case/address_copies.h"
 #include "check/case/built_case.h"
 #include "check/case/lossy.h"
 #include "check/case/names.h"
@@ -38,6 +39,14 @@ std::string missingForQueries(const Device &gpu, const Case &c)
             return "VK_EXT_opacity_micromap has other queries for micromaps";
     }
     return exact && !maintenance ? "VK_KHR_ray_tracing_maintenance1 is not supported" : "";
+}
+
+// The feature that the device lacks for the copies at addresses of a case; empty: none.
+std::string missingForAddresses(const Device &gpu, const AddressPlan &plan)
+{
+    if (!plan.commands.empty() && !gpu.has(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME))
+        return "VK_KHR_device_address_commands is not supported";
+    return usesImage(plan) && !supportsImage(gpu, plan) ? "an image of the type, format and size is not supported" : "";
 }
 
 uint32_t levelLimit(const Device &gpu, const oracle::MicromapTriangle &triangle, VkBuildMicromapFlagsEXT flags)
@@ -98,6 +107,8 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
     if (c.build.structures == BuildCommand::Indirect && !gpu.hasIndirectBuilds())
         return "accelerationStructureIndirectBuild is not supported";
     if (std::string lacks = missingForQueries(gpu, c) + missingForFlags(gpu, c.scene); !lacks.empty())
+        return lacks;
+    if (std::string lacks = missingForAddresses(gpu, c.addressCopies); !lacks.empty())
         return lacks;
     if (c.scene.instances.size() > gpu.maxInstances())
         return "more instances than maxInstanceCount";

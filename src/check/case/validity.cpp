@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <span>
 
+#include "check/case/address_copies.h"
 #include "check/case/names.h"
 #include "check/case/queries.h"
 #include "check/case/trace.h"
@@ -26,6 +27,7 @@ constexpr uint64_t kMostBytes = uint64_t{1} << 28; // of a buffer
 constexpr uint32_t kMostThreads = 64;
 constexpr size_t kMostParts = 16, kMostTables = 8; // of a pipeline
 constexpr size_t kMostSteps = 1000, kMostQueryPlans = 64, kMostQueryCommands = 1000;
+constexpr size_t kMostAddressCommands = 256;
 
 struct Broken {
     std::string what;
@@ -454,6 +456,19 @@ void checkQueries(const Case &c)
     }
 }
 
+void checkAddressCopies(const Case &c)
+{
+    const AddressPlan &plan = c.addressCopies;
+    rule(plan.commands.size() <= kMostAddressCommands, "addressCopies", "has {} commands, not at most {}",
+         plan.commands.size(), kMostAddressCommands);
+    const std::string broken = brokenRule(plan);
+    rule(broken.empty(), "addressCopies", "{}", broken);
+    for (size_t i = 0; i < plan.commands.size(); ++i) {
+        const std::string here = brokenRule(plan, plan.commands[i]);
+        rule(here.empty(), fmt::format("addressCopies.commands[{}]", i), "{}", here);
+    }
+}
+
 void checkSteps(const Case &c, uint64_t &states)
 {
     Scene scene = c.scene;
@@ -634,6 +649,7 @@ void checkPlans(const Case &c)
              plan.commands.size(), kMostQueryCommands);
     rule(!c.build.single || c.steps.empty(), "build.single", "has steps");
     rule(!c.build.single || c.queries.empty(), "build.single", "has queries");
+    rule(!c.build.single || c.addressCopies.commands.empty(), "build.single", "has copies at addresses");
     rule(!c.build.mixed || c.build.together, "build.mixed", "is not together");
     rule(!c.build.deferred || c.build.micromaps == BuildCommand::Host, "build.deferred", "is no host build");
     rule(c.build.spareTriangles <= 1000, "build.spareTriangles", "{} is too large", c.build.spareTriangles);
@@ -665,6 +681,7 @@ void check(const Case &c)
         checkRay(scene.rays[i], fmt::format("scene.rays[{}]", i));
     checkSteps(c, states);
     checkQueries(c);
+    checkAddressCopies(c);
     checkPlans(c);
     checkTrace(c);
 }

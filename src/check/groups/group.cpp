@@ -16,8 +16,8 @@ std::span<const Group> groups()
 {
     static const std::vector<Group> all = [] {
         std::vector<Group> list;
-        for (const std::span<const Group> some :
-             {resolutionGroups(), pipelineGroups(), buildGroups(), objectGroups(), queryGroups(), scaleGroups()})
+        for (const std::span<const Group> some : {resolutionGroups(), pipelineGroups(), buildGroups(), objectGroups(),
+                                                  queryGroups(), addressGroups(), scaleGroups()})
             list.insert(list.end(), some.begin(), some.end());
         return list;
     }();

@@ -95,6 +95,9 @@ inline void buildableOnHost(oracle::Scene &scene)
 // A pool of queries of a random property, and what is done with it; nothing where there is nothing to query.
 std::optional<QueryPlan> randomQueries(Random &random, const oracle::Scene &scene, const DeviceLimits &limits);
 
+// Random commands that copy, update and fill memory at device addresses.
+AddressPlan randomAddressCopies(Random &random);
+
 // Runs a case, and makes it smaller if it fails, for at most that many seconds.
 Outcome runAndShrink(Session &session, const Case &c, double seconds);
 // Runs a random case as above.
@@ -114,6 +117,7 @@ std::span<const Group> pipelineGroups();
 std::span<const Group> buildGroups();
 std::span<const Group> objectGroups();
 std::span<const Group> queryGroups();
+std::span<const Group> addressGroups();
 std::span<const Group> scaleGroups();
 
 } // namespace vellum::check

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <set>
 
+#include "check/case/address_copies.h"
 #include "check/case/case.h"
 #include "check/case/shrink/passes.h"
 
@@ -283,6 +284,38 @@ void removeQueries(Attempts &attempts)
     }
 }
 
+void removeAddressCopies(Attempts &attempts)
+{
+    attempts.attempt([](Case &c) { c.addressCopies = {}; });
+    attempts.removeStretches(attempts.best().addressCopies.commands.size(),
+                             erase([](Case & c) -> auto & { return c.addressCopies.commands; }));
+    for (size_t i = 0; i < attempts.best().addressCopies.commands.size(); ++i)
+        attempts.removeStretches(attempts.best().addressCopies.commands[i].regions.size(),
+                                 erase([i](Case & c) -> auto & { return c.addressCopies.commands[i].regions; }));
+    // Buffers that are as small as the ranges in them allow, then those that have none.
+    attempts.attempt([](Case &c) {
+        AddressPlan &plan = c.addressCopies;
+        std::vector<uint64_t> ends(plan.buffers.size());
+        for (const AddressCommand &command : plan.commands)
+            for (const AddressRegion &region : command.regions) {
+                const uint64_t end = region.offset + rangeSize(plan, command, region);
+                ends[region.buffer] = std::max(ends[region.buffer], end);
+                if (command.kind == AddressCommand::Kind::Copy)
+                    ends[region.from] = std::max(ends[region.from], uint64_t{region.fromOffset} + region.size);
+            }
+        for (size_t i = 0; i < ends.size(); ++i)
+            plan.buffers[i] = static_cast<uint32_t>(std::max<uint64_t>(ends[i], 1));
+    });
+    attempts.removeStretches(attempts.best().addressCopies.buffers.size(), eachOf([](Case &c, uint32_t buffer) {
+                                 for (AddressCommand &command : c.addressCopies.commands)
+                                     for (AddressRegion &region : command.regions) {
+                                         closeGap(region.buffer, buffer);
+                                         closeGap(region.from, buffer);
+                                     }
+                                 eraseFrom(c.addressCopies.buffers, buffer, 1);
+                             }));
+}
+
 void removeObjects(Attempts &attempts)
 {
     attempts.removeStretches(attempts.best().scene.instances.size(), removeInstances);
@@ -386,6 +419,7 @@ void removeParts(Attempts &attempts)
 {
     removeSteps(attempts);
     removeQueries(attempts);
+    removeAddressCopies(attempts);
     removeObjects(attempts);
     removeMicromaps(attempts);
     removeTrianglesOfMeshes(attempts);

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <array>
+#include <bit>
 #include <cmath>
 #include <span>
 
+#include "check/case/address_copies.h"
 #include "check/case/case.h"
 #include "check/case/names.h"
 #include "check/case/shrink/passes.h"
@@ -323,6 +325,48 @@ void simplifyPipelines(Attempts &attempts)
     }
 }
 
+// Smaller numbers of copies at addresses that cannot be the simplest.
+void lowerAddressNumbers(Attempts &attempts)
+{
+    struct Number {
+        std::function<uint32_t &(AddressPlan &)> of;
+        uint32_t least;
+    };
+    std::vector<Number> numbers;
+    const std::vector<AddressCommand> &commands = attempts.best().addressCopies.commands;
+    const auto add = [&](size_t i, size_t k, uint32_t AddressRegion::*member, uint32_t least) {
+        numbers.push_back(
+            {[=](AddressPlan &plan) -> uint32_t & { return plan.commands[i].regions[k].*member; }, least});
+    };
+    for (size_t i = 0; i < commands.size(); ++i)
+        for (size_t k = 0; k < commands[i].regions.size(); ++k) {
+            for (const auto member : {&AddressRegion::spare, &AddressRegion::offset})
+                add(i, k, member, 0);
+            if (!usesImage(commands[i])) {
+                for (const auto member : {&AddressRegion::size, &AddressRegion::fromOffset})
+                    add(i, k, member, 0);
+                continue;
+            }
+            for (const auto member : {&AddressRegion::x, &AddressRegion::y, &AddressRegion::z,
+                                      &AddressRegion::rowLength, &AddressRegion::imageHeight})
+                add(i, k, member, 0);
+            for (const auto member :
+                 {&AddressRegion::width, &AddressRegion::height, &AddressRegion::depth, &AddressRegion::layers})
+                add(i, k, member, 1);
+        }
+    for (const auto member :
+         {&AddressPlan::width, &AddressPlan::height, &AddressPlan::depth, &AddressPlan::levels, &AddressPlan::layers})
+        numbers.push_back({[member](AddressPlan &plan) -> uint32_t & { return plan.*member; }, 1});
+    for (const Number &number : numbers) {
+        AddressPlan plan = attempts.best().addressCopies;
+        for (uint32_t by = std::bit_floor(number.of(plan)); by > 0; by /= 2)
+            attempts.attempt([&](Case &c) {
+                uint32_t &value = number.of(c.addressCopies);
+                value -= value >= by + number.least ? by : 0;
+            });
+    }
+}
+
 // The simpler kinds that can replace a step; the kind itself if there is none.
 std::vector<Kind> simplerThan(Kind kind)
 {
@@ -388,7 +432,14 @@ void simplifyPlans(Attempts &attempts)
             if (best.queries[p].commands[i].kind == QueryCommand::Kind::ResetOnHost)
                 edits.emplace_back([p, i](Case &c) { c.queries[p].commands[i].kind = QueryCommand::Kind::Reset; });
         }
+    addSimpler(edits, best, [](auto &c) { return &c.addressCopies; });
+    for (size_t i = 0; i < best.addressCopies.commands.size(); ++i) {
+        addSimpler(edits, best, [i](auto &c) { return &c.addressCopies.commands[i]; });
+        for (size_t k = 0; k < best.addressCopies.commands[i].regions.size(); ++k)
+            addSimpler(edits, best, [i, k](auto &c) { return &c.addressCopies.commands[i].regions[k]; });
+    }
     attempts.attemptAll(edits);
+    lowerAddressNumbers(attempts);
     for (size_t i = 0; i < attempts.best().steps.size(); ++i) {
         for (const Kind kind : simplerThan(attempts.best().steps[i].kind)) {
             if (attempts.attempt([&](Case &c) {
