@@ -57,6 +57,37 @@ nothing committed
 )");
 }
 
+TEST(Account, CopiesAtAddresses)
+{
+    Case c = smallCase();
+    c.addressCopies = {.buffers = {64, 32},
+                       .width = 4,
+                       .commands = {{.regions = {{.buffer = 1, .spare = 3, .fromOffset = 5}}, .fullyBound = true},
+                                    {.kind = AddressCommand::Kind::CopyFromImage,
+                                     .regions = {{.offset = 8, .x = 1, .width = 2, .rowLength = 3}}},
+                                    {.kind = AddressCommand::Kind::CopyToImage, .regions = {{.spare = 1}}},
+                                    {.kind = AddressCommand::Kind::Update, .regions = {{.offset = 4}}},
+                                    {.kind = AddressCommand::Kind::Fill, .regions = {{.size = 8}}, .value = 17}}};
+    ASSERT_EQ(invalid(c), "");
+    const std::string text = accountOf(c, {.cause = "x", .detail = "wrong byte"}, Api::Khr);
+    EXPECT_NE(text.find(R"(
+  2. Commands at device addresses of buffers of 64, 32 bytes, with a barrier after each:
+     command 0: vkCmdCopyMemoryKHR, FULLY_BOUND:
+       4 bytes from buffer 0 + 5 to buffer 1 + 0, in a range of 7 bytes
+     command 1: vkCmdCopyImageToMemoryKHR:
+       from level 0, layers 0 to 0, 2 x 1 x 1 texels at (1, 0, 0) to buffer 0 + 8, addressRowLength 3, addressImageHeight 0
+     command 2: vkCmdCopyMemoryToImageKHR:
+       from buffer 0 + 0 to level 0, layers 0 to 0, 1 x 1 x 1 texels at (0, 0, 0), addressRowLength 0, addressImageHeight 0, in a range of 5 bytes
+     command 3: vkCmdUpdateMemoryKHR:
+       4 bytes at buffer 0 + 4
+     command 4: vkCmdFillMemoryKHR:
+       8 bytes at buffer 0 + 0, with 0x00000011
+     The image: 4 x 1 x 1 VK_FORMAT_R8G8B8A8_UNORM, 1 level, 1 layer, VK_IMAGE_LAYOUT_GENERAL.
+)"),
+              std::string::npos)
+        << text;
+}
+
 struct Rule {
     const char *name;
     std::function<void(Case &)> change;
@@ -220,8 +251,8 @@ TEST(Account, RandomCases)
     for (uint32_t seed = 0; seed < 100; ++seed) {
         const Case c = randomCase(seed, 3);
         const std::string account = accountOf(c, {.cause = "x", .detail = "found", .ray = 2}, Api::Khr);
-        const size_t commands =
-            c.scene.micromaps.size() + c.scene.objects.size() + c.steps.size() + c.queries.size() + 1;
+        const size_t commands = c.scene.micromaps.size() + c.scene.objects.size() + c.steps.size() + c.queries.size() +
+                                1 + (c.addressCopies.commands.empty() ? 0 : 1);
         EXPECT_NE(account.find(numberText(commands)), std::string::npos) << account;
         EXPECT_EQ(account.find(numberText(commands + 1)), std::string::npos) << account;
         EXPECT_EQ(account.find('?'), std::string::npos) << account;

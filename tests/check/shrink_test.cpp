@@ -244,6 +244,39 @@ TEST(ShrinkingQueries, LeavesTheCommandsThatAreNeeded)
     }
 }
 
+// A region of several writes three bytes or more, and its range has more.
+bool copiesToALargerRange(const Case &c)
+{
+    return std::ranges::any_of(c.addressCopies.commands, [](const AddressCommand &command) {
+        return command.kind == AddressCommand::Kind::Copy && command.regions.size() >= 2 &&
+               std::ranges::any_of(command.regions,
+                                   [](const AddressRegion &region) { return region.size >= 3 && region.spare > 0; });
+    });
+}
+
+TEST(ShrinkingAddressCopies, LeavesTheRegionsThatAreNeeded)
+{
+    uint32_t found = 0;
+    for (uint32_t seed = 0; found < 10; ++seed) {
+        const Case c = randomCase(seed, 3);
+        if (!copiesToALargerRange(c))
+            continue;
+        ++found;
+        const AddressPlan plan = shrink(c, copiesToALargerRange, kPlenty).smallest.addressCopies;
+        ASSERT_EQ(plan.commands.size(), 1u);
+        EXPECT_EQ(plan.width, 1u);
+        EXPECT_FALSE(plan.optimal || plan.commands[0].fullyBound);
+        const std::vector<AddressRegion> &regions = plan.commands[0].regions;
+        ASSERT_EQ(regions.size(), 2u);
+        EXPECT_EQ(regions[0].size + regions[1].size, 3u);
+        EXPECT_EQ(regions[0].spare + regions[1].spare, 1u);
+        uint32_t bytes = 0;
+        for (const uint32_t size : plan.buffers)
+            bytes += size;
+        EXPECT_LE(bytes, 12u);
+    }
+}
+
 // Only the part of a mesh's memory layout that the failure needs stays.
 TEST(ShrinkingLayouts, LeavesWhatTheFailureNeeds)
 {

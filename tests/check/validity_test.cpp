@@ -405,6 +405,16 @@ const Break kBreaks[] = {
          c.steps = {stepOf(Step::Kind::UpdateObject, 0)};
          c.steps[0].states.resize(1);
      })},
+    {"two regions write the same byte", kAlwaysPossible([](Case &c) {
+         c.build.single = c.build.backwards = false;
+         c.addressCopies = {.buffers = {16}, .commands = {{.regions = {{.fromOffset = 8}, {.offset = 3, .fromOffset = 12}}}}};
+     })},
+    {"has copies at addresses", kAlwaysPossible([](Case &c) {
+         c.steps.clear();
+         c.queries.clear();
+         c.build.single = true;
+         c.addressCopies = {.buffers = {16}, .commands = {{.regions = {{.fromOffset = 8}}}}};
+     })},
     // A step takes triangles away that an index refers to, and a later one the reference.
     {"are beyond the", kForIndices([](oracle::MeshMicromap &use, Case &c) {
          const uint32_t micromap = *use.micromap;

@@ -158,8 +158,8 @@ public:
             if (!buffers_[i].intact() || std::any_of(bytes + plan_.buffers[i], bytes + buffers_[i].size(),
                                                      [](uint8_t byte) { return byte != 0; }))
                 return std::string(nameOf(kAddressCommandNames, plan_.commands[last].kind)) +
-                       " writes outside a buffer (command " + std::to_string(last) + ", at buffer " +
-                       std::to_string(i) + ")";
+                       " writes outside a buffer (command " + std::to_string(last) + ": bytes before or behind the " +
+                       std::to_string(plan_.buffers[i]) + " of buffer " + std::to_string(i) + " are changed)";
         }
         if (image_)
             image_->read(found.back());

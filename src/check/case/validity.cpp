@@ -459,7 +459,6 @@ void checkQueries(const Case &c)
 void checkAddressCopies(const Case &c)
 {
     const AddressPlan &plan = c.addressCopies;
-    rule(!c.build.single || plan.commands.empty(), "build.single", "has copies at addresses");
     rule(plan.commands.size() <= kMostAddressCommands, "addressCopies", "has {} commands, not at most {}",
          plan.commands.size(), kMostAddressCommands);
     const std::string broken = brokenRule(plan);
@@ -650,6 +649,7 @@ void checkPlans(const Case &c)
              plan.commands.size(), kMostQueryCommands);
     rule(!c.build.single || c.steps.empty(), "build.single", "has steps");
     rule(!c.build.single || c.queries.empty(), "build.single", "has queries");
+    rule(!c.build.single || c.addressCopies.commands.empty(), "build.single", "has copies at addresses");
     rule(!c.build.mixed || c.build.together, "build.mixed", "is not together");
     rule(c.build.spareTriangles <= 1000, "build.spareTriangles", "{} is too large", c.build.spareTriangles);
     rule(c.build.spareInstances <= 1000, "build.spareInstances", "{} is too large", c.build.spareInstances);

@@ -265,6 +265,32 @@ VKAPI_ATTR VkResult VKAPI_CALL createStructure2(VkDevice handle, const VkAcceler
     return result;
 }
 
+VKAPI_ATTR void VKAPI_CALL copyMemory(VkCommandBuffer handle, const VkCopyDeviceMemoryInfoKHR *info)
+{
+    DRIVER_NEXT(vkCmdCopyMemoryKHR)(handle, info);
+    if (!has(keyOf(handle), "memory-copy-clears-rest"))
+        return;
+    for (uint32_t i = 0; i < info->regionCount; ++i) {
+        const VkDeviceMemoryCopyKHR region = info->pRegions[i];
+        afterExecution(handle, [region] {
+            std::memset(hostPointer<uint8_t>(region.dstRange.address + region.srcRange.size), 0,
+                        region.dstRange.size - region.srcRange.size);
+        });
+    }
+}
+
+VKAPI_ATTR void VKAPI_CALL copyImageToMemory(VkCommandBuffer handle, const VkCopyDeviceMemoryImageInfoKHR *info)
+{
+    VkCopyDeviceMemoryImageInfoKHR changed = *info;
+    std::vector<VkDeviceMemoryImageCopyKHR> regions(info->pRegions, info->pRegions + info->regionCount);
+    for (VkDeviceMemoryImageCopyKHR &region : regions) {
+        if (has(keyOf(handle), "image-copy-row-length"))
+            region.addressRowLength = 0;
+    }
+    changed.pRegions = regions.data();
+    DRIVER_NEXT(vkCmdCopyImageToMemoryKHR)(handle, &changed);
+}
+
 } // namespace
 
 uint64_t originalOf(uint64_t micromap)
@@ -330,6 +356,8 @@ LevelRows copyRows()
         {"vkCmdCopyMemoryToAccelerationStructureKHR", DRIVER_FUNCTION(restoreStructure)},
         {"vkCmdCopyMicromapToMemoryEXT", DRIVER_FUNCTION(saveMicromap)},
         {"vkCmdCopyAccelerationStructureToMemoryKHR", DRIVER_FUNCTION(saveStructure)},
+        {"vkCmdCopyMemoryKHR", DRIVER_FUNCTION(copyMemory)},
+        {"vkCmdCopyImageToMemoryKHR", DRIVER_FUNCTION(copyImageToMemory)},
         {"vkCreateMicromapEXT", DRIVER_FUNCTION(createMicromap)},
         {"vkCreateAccelerationStructure2KHR", DRIVER_FUNCTION(createStructure2)},
     };

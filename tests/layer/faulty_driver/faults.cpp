@@ -198,6 +198,10 @@ std::span<const Quirk> allFaults()
         {"serialized-header-size", Level::Copies,
          "the header of serialized data states the size of the data as the size that deserialization needs",
          "two adjacent fields"},
+        {"memory-copy-clears-rest", Level::Copies,
+         "vkCmdCopyMemoryKHR clears what the destination range has behind the size of the source",
+         "staging memory as large as the destination"},
+        {"image-copy-row-length", Level::Copies, "vkCmdCopyImageToMemoryKHR ignores addressRowLength", kOffByDefault},
         // generic.cpp
         {"generic-cleared-to-its-end", Level::Generic,
          "a build clears the whole range of a GENERIC structure, which other structures may share",

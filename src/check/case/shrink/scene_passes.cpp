@@ -4,6 +4,7 @@
 #include <cmath>
 #include <span>
 
+#include "check/case/address_copies.h"
 #include "check/case/case.h"
 #include "check/case/names.h"
 #include "check/case/shrink/passes.h"
@@ -339,9 +340,15 @@ void lowerAddressNumbers(Attempts &attempts)
     };
     for (size_t i = 0; i < commands.size(); ++i)
         for (size_t k = 0; k < commands[i].regions.size(); ++k) {
-            for (const auto member : {&AddressRegion::size, &AddressRegion::spare, &AddressRegion::offset,
-                                      &AddressRegion::fromOffset, &AddressRegion::x, &AddressRegion::y,
-                                      &AddressRegion::z, &AddressRegion::rowLength, &AddressRegion::imageHeight})
+            for (const auto member : {&AddressRegion::spare, &AddressRegion::offset})
+                add(i, k, member, 0);
+            if (!usesImage(commands[i])) {
+                for (const auto member : {&AddressRegion::size, &AddressRegion::fromOffset})
+                    add(i, k, member, 0);
+                continue;
+            }
+            for (const auto member : {&AddressRegion::x, &AddressRegion::y, &AddressRegion::z,
+                                      &AddressRegion::rowLength, &AddressRegion::imageHeight})
                 add(i, k, member, 0);
             for (const auto member :
                  {&AddressRegion::width, &AddressRegion::height, &AddressRegion::depth, &AddressRegion::layers})

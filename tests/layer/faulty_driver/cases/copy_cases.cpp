@@ -2,6 +2,8 @@
 // Faults of copies.cpp and generic.cpp.
 #include "faulty_driver/cases/cases.h"
 
+#include "gpu/micromap_commands.h"
+
 namespace faults
 {
 namespace
@@ -163,6 +165,75 @@ std::string sharedRange(Gpu &gpu)
     return std::equal(before.begin(), before.end(), buffer.bytes() + kSecond) ? "intact" : "overwritten";
 }
 
+constexpr VkBufferUsageFlags kCopied =
+    VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+
+// Copies two of four bytes to a range of three.
+std::string copiedMemory(Gpu &gpu)
+{
+    const Buffer from(gpu, 4, kCopied), to(gpu, 4, kCopied);
+    std::memcpy(from.bytes(), "abcd", 4);
+    std::memcpy(to.bytes(), "----", 4);
+    const auto region = vkInit<VkDeviceMemoryCopyKHR>({.srcRange = {from.address() + 1, 2},
+                                                       .srcFlags = kUnknownUsage,
+                                                       .dstRange = {to.address(), 3},
+                                                       .dstFlags = kUnknownUsage});
+    const auto info = vkInit<VkCopyDeviceMemoryInfoKHR>({.regionCount = 1, .pRegions = &region});
+    gpu.submit([&](VkCommandBuffer commands) {
+        gpu.vk().CmdCopyMemoryKHR(commands, &info);
+        barrier(commands);
+    });
+    std::string text(to.bytes(), to.bytes() + 4);
+    std::ranges::replace(text, '\0', '0');
+    return text;
+}
+
+// Copies an image of two rows of two bytes to rows of three.
+std::string copiedImage(Gpu &gpu)
+{
+    auto create =
+        vkInit<VkImageCreateInfo>({.imageType = VK_IMAGE_TYPE_2D,
+                                   .format = VK_FORMAT_R8_UINT,
+                                   .extent = {2, 2, 1},
+                                   .mipLevels = 1,
+                                   .arrayLayers = 1,
+                                   .samples = VK_SAMPLE_COUNT_1_BIT,
+                                   .usage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT});
+    VkImage image = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateImage(gpu.device(), &create, nullptr, &image));
+    VkMemoryRequirements needs;
+    vkGetImageMemoryRequirements(gpu.device(), image, &needs);
+    const VkDeviceMemory memory = gpu.allocate(needs, 0, false);
+    VT_CHECK(vkBindImageMemory(gpu.device(), image, memory, 0));
+    const Buffer from(gpu, 4, kCopied), to(gpu, 6, kCopied);
+    std::memcpy(from.bytes(), "abcd", 4);
+    std::memcpy(to.bytes(), "------", 6);
+    const VkBufferImageCopy in{.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1}, .imageExtent = {2, 2, 1}};
+    const auto out = vkInit<VkDeviceMemoryImageCopyKHR>({.addressRange = {to.address(), 6},
+                                                         .addressFlags = kUnknownUsage,
+                                                         .addressRowLength = 3,
+                                                         .imageSubresource = in.imageSubresource,
+                                                         .imageLayout = VK_IMAGE_LAYOUT_GENERAL,
+                                                         .imageExtent = in.imageExtent});
+    const auto info = vkInit<VkCopyDeviceMemoryImageInfoKHR>({.image = image, .regionCount = 1, .pRegions = &out});
+    gpu.submit([&](VkCommandBuffer commands) {
+        const auto toGeneral =
+            vkInit<VkImageMemoryBarrier>({.dstAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT,
+                                          .newLayout = VK_IMAGE_LAYOUT_GENERAL,
+                                          .image = image,
+                                          .subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1}});
+        vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, 0,
+                             nullptr, 0, nullptr, 1, &toGeneral);
+        vkCmdCopyBufferToImage(commands, from.handle(), image, VK_IMAGE_LAYOUT_GENERAL, 1, &in);
+        barrier(commands);
+        gpu.vk().CmdCopyImageToMemoryKHR(commands, &info);
+        barrier(commands);
+    });
+    vkDestroyImage(gpu.device(), image, nullptr);
+    vkFreeMemory(gpu.device(), memory, nullptr);
+    return {to.bytes(), to.bytes() + 6};
+}
+
 } // namespace
 
 std::span<const Case> copyCases()
@@ -178,6 +249,8 @@ std::span<const Case> copyCases()
         Case{"host-reset-does-nothing", hostResetStates, "uu", "ua"},
         Case{"deserialization-keeps-old", deserializedAgain, "1", "0"},
         Case{"serialized-header-size", header, "different", "equal"},
+        Case{"memory-copy-clears-rest", copiedMemory, "bc--", "bc0-", Api::Khr},
+        Case{"image-copy-row-length", copiedImage, "ab-cd-", "abcd--", Api::Khr},
         Case{"generic-cleared-to-its-end", sharedRange, "intact", "overwritten"},
     };
     return cases;
