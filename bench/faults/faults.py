@@ -87,7 +87,7 @@ class Failures:
             if self.found or path in self.seen:
                 continue
             self.seen.add(path)
-            words = [self.program, "check", "--output", str(self.output / "replay"), "--replay", str(path)]
+            words = [self.program, "check", "--replay", str(path)]
             ended = subprocess.run(words, env=self.variables, stdin=subprocess.DEVNULL, capture_output=True, check=False)
             if ended.returncode == 1:
                 self.found = path.stem

@@ -2,6 +2,7 @@
 #include "base/picture.h"
 
 #include <algorithm>
+#include <climits>
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
@@ -123,6 +124,10 @@ Difference compare(const Picture &a, const Picture &b)
 std::vector<uint8_t> encodePng(const Picture &picture, Alpha alpha)
 {
     const int channels = alpha == Alpha::Kept ? 4 : 3;
+    // stb_image_write and its compression count bytes in an int; what cannot be compressed takes more.
+    constexpr uint64_t kMostBytes = INT_MAX - (1 << 20);
+    if ((uint64_t{picture.width} * static_cast<uint64_t>(channels) + 1) * picture.height > kMostBytes)
+        throw Error("the picture cannot be encoded: it has too many pixels");
     std::vector<uint8_t> bytes;
     bytes.reserve(picture.pixels.size() * static_cast<size_t>(channels));
     for (const uint32_t pixel : picture.pixels)

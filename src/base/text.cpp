@@ -245,13 +245,12 @@ std::string markupText(std::string_view text)
     std::string result;
     while (!text.empty()) {
         const char32_t point = takeCodePoint(text);
+        const bool excluded = (point < 0x20 && point != '\t' && point != '\n') || (point >= 0x7f && point < 0xa0) ||
+                              (point & 0xfffe) == 0xfffe;
         if (point < 0x20 || point >= 0x7f ||
             std::string_view("\"<>&'").find(static_cast<char>(point)) != std::string_view::npos)
-            // Control characters are excluded: parsers replace or reject references to them.
-            result += "&#" +
-                      std::to_string(
-                          static_cast<uint32_t>(point < 0x20 || (point >= 0x7f && point < 0xa0) ? 0xfffd : point)) +
-                      ";";
+            // Parsers replace or reject references to control characters and noncharacters.
+            result += "&#" + std::to_string(static_cast<uint32_t>(excluded ? 0xfffd : point)) + ";";
         else
             result += static_cast<char>(point);
     }

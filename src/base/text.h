@@ -52,7 +52,8 @@ std::vector<std::string> partsOf(const std::string &list, char separator);
 inline constexpr std::string_view kBase64Alphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 std::string base64Encoded(std::span<const uint8_t> bytes);
 
-// Text of an element of HTML or SVG, or of an attribute in double quotes; invalid UTF-8 becomes U+FFFD.
+// Text of an element of HTML or XML, or of an attribute in double quotes. What XML cannot have becomes U+FFFD: invalid
+// UTF-8, and control characters except tabs and line breaks.
 std::string markupText(std::string_view text);
 
 // The number that all of a text is.

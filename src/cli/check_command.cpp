@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // `vellum check`
 #include <algorithm>
-#include <array>
 #include <cctype>
 #include <cstdint>
 #include <cstdio>
@@ -51,7 +50,7 @@ FOLDER gets results.csv and failures.csv as deqp-runner writes them, junit.xml, 
 three failing cases of each cause as files for --replay, with what explains them.
 
 The files of --baseline, --skips and --flakes are those of deqp-runner. A baseline has a line NAME,STATUS for each known
-failure; an earlier failures.csv is one. Skips and flakes are regular expressions that match a part of a name, one a line;
+failure; the failures.csv of a run without --baseline is one. Skips and flakes are regular expressions that match a part of a name, one a line;
 lines that begin with # are comments. Known failures and known flakes do not fail a run; cases of the baseline that improved
 do. A filter, a line of a baseline and an expression that match no case are usage errors.
 
@@ -392,7 +391,7 @@ public:
             return;
         CaseResult::Details details{finished.outcome.cause, finished.outcome.detail, {}, finished.before.size()};
         std::replace(details.cause.begin(), details.cause.end(), '\n', ' ');
-        std::replace_if(details.cause.begin(), details.cause.end(), isControl, '?'); // a driver may have printed it
+        details.cause = printable(std::move(details.cause)); // a driver may have printed it
         const bool ran = finished.verdict != Verdict::Missing && finished.verdict != Verdict::ExpectedFail;
         if (ran && result.status != check::Status::Pass && result.status != check::Status::Skip)
             tryToWrite(error_, [&] { details.reproducer = folder_.writeFailure(finished, options_.seed); });
@@ -436,7 +435,7 @@ private:
     {
         tryToWrite(error_, [&] { folder_.writeResults(facts_, results_); });
     }
-    static bool isControl(char c) { return static_cast<unsigned char>(c) < ' ' || c == 0x7f; }
+
     const CheckOptions &options_;
     OutputFolder folder_;
     RunFacts facts_;
@@ -555,7 +554,7 @@ int replay(const CheckOptions &options, const DeviceSummary &device, const CaseI
         Interruptible::die();
     if (!result)
         throw Error("the case was not run");
-    fmt::print("{}: {}\nmicromaps: {}\n", nameOf(id), causeOf(result->outcome), device.implementation);
+    fmt::print("{}: {}\nmicromaps: {}\n", nameOf(id), printable(causeOf(result->outcome)), device.implementation);
     if (const std::string before = namesOf(parseReproducer(settings.replay).before); !before.empty())
         fmt::print("run after these in the same process: {}\n", before);
     const auto &files = result->outcome.files;
@@ -713,25 +712,22 @@ void checkTogether(const CheckOptions &options)
         throw UsageError("--minutes makes new cases, so it takes no --caselist");
     if (options.quick && options.caseList)
         throw UsageError("--quick selects cases of its own, so it takes no --caselist");
-    if (options.replay &&
-        (options.list || options.quick || options.minutes || options.caseList || !options.filters.empty()))
-        throw UsageError("--replay runs one case, so it takes no option that selects cases");
     if (options.results)
         checkSuffix(*options.results, {".csv"});
     if (options.junit)
         checkSuffix(*options.junit, {".xml"});
+    if (options.results && options.junit && locationOf(*options.results) == locationOf(*options.junit))
+        throw UsageError("--results and --junit name the same file");
     if (!options.implementation.empty() && !options.layer)
         throw UsageError("--implementation is for the layer, which --no-layer does without");
 }
 
-// --merge takes the options of what is written only.
-void checkMerge(const CLI::App &command)
+// Throws UsageError for an option that is not among `taken`, with the reason in front.
+void checkTaken(const CLI::App &command, const std::string &reason, std::initializer_list<std::string> taken)
 {
-    constexpr std::array kTaken = {"--merge", "--output", "--force",        "--results",
-                                   "--junit", "--json",   "--fail-on-flake"};
     for (const CLI::Option *option : command.get_options())
-        if (const std::string name = option->get_name(); option->count() != 0 && std::ranges::count(kTaken, name) == 0)
-            throw UsageError("--merge runs no cases, so it takes no " + name);
+        if (const std::string name = option->get_name(); option->count() != 0 && std::ranges::count(taken, name) == 0)
+            throw UsageError(reason + ", so it takes no " + name);
 }
 
 } // namespace
@@ -749,7 +745,11 @@ std::function<int()> declareCheckCommand(CLI::App &app)
     return [options, &command] {
         checkTogether(*options);
         if (!options->merge.empty())
-            checkMerge(command);
+            checkTaken(command, "--merge runs no cases",
+                       {"--merge", "--output", "--force", "--results", "--junit", "--json", "--fail-on-flake"});
+        if (options->replay)
+            checkTaken(command, "--replay runs one case",
+                       {"--replay", "--device", "--no-layer", "--implementation", "--layer-path", "--timeout"});
         return checkCommand(*options);
     };
 }

@@ -125,7 +125,7 @@ public:
     {
         report_.path = document_.path();
         report_.binary = document_.binary();
-        report_.bytes = document_.bytes().size();
+        report_.bytes = document_.fileBytes();
         for (const std::string &name : model_.extensionsUsed)
             report_.extensions.push_back({name, model_.extensionsRequired.contains(name)});
         report_.scenes = model_.scenes.size();

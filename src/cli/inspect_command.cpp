@@ -62,8 +62,6 @@ struct InspectOptions {
     bool json = false;
     bool quiet = false;
     DocumentBakeOptions baking;
-    // The text that CLI11 stores.
-    std::string meshes, primitives, triangles;
     bool noOutlines = false;
 };
 
@@ -101,11 +99,18 @@ std::function<void()> declareInspect(CLI::App &command, InspectOptions &options)
         ->type_name("[OUT]");
     declareOutputs(command, options);
     command.option_defaults()->group(kSelection);
-    command.add_option("--mesh", options.meshes, "Only these meshes: 2, 0-4, or several with commas")
-        ->type_name("NUMBERS");
-    command.add_option("--primitive", options.primitives, "Only these primitives of each mesh")->type_name("NUMBERS");
-    command.add_option("--triangle", options.triangles, "Only these triangles of each primitive")->type_name("NUMBERS");
-    command.add_option("--material", options.selection.materials, "Only this material, by name or number; repeatable")
+    inspect::Selection &selection = options.selection;
+    const auto addRanges = [&](const char *name, std::vector<inspect::NumberRange> &ranges, const char *description) {
+        command
+            .add_option_function<std::string>(
+                name, [name, &ranges](const std::string &text) { ranges = inspect::parseRanges(text, name); },
+                description)
+            ->type_name("NUMBERS");
+    };
+    addRanges("--mesh", selection.meshes, "Only these meshes: 2, 0-4, or several with commas");
+    addRanges("--primitive", selection.primitives, "Only these primitives of each mesh");
+    addRanges("--triangle", selection.triangles, "Only these triangles of each primitive");
+    command.add_option("--material", selection.materials, "Only this material, by name or number; repeatable")
         ->allow_extra_args(false)
         ->type_name("NAME");
     CLI::Option &bake = *command
@@ -196,8 +201,7 @@ void takeSecond(InspectOptions &options)
         return;
     options.second = std::move(options.operand);
     options.operand.reset();
-    if (options.picture || !options.selection.everything() || !options.meshes.empty() || !options.primitives.empty() ||
-        !options.triangles.empty())
+    if (options.picture || !options.selection.everything())
         throw UsageError("two files are compared whole, without --picture, --mesh, --primitive, --triangle and "
                          "--material");
 }
@@ -238,19 +242,16 @@ void finishInspect(InspectOptions &options)
 {
     takeSecond(options);
     placeOutputs(options);
-    inspect::Selection &selection = options.selection;
-    for (const auto &[text, option, ranges] : {std::tuple(&options.meshes, "--mesh", &selection.meshes),
-                                               {&options.primitives, "--primitive", &selection.primitives},
-                                               {&options.triangles, "--triangle", &selection.triangles}})
-        if (!text->empty())
-            *ranges = inspect::parseRanges(*text, option);
     if (writesToStdout(options) && (options.json || options.html == options.picture))
         throw UsageError("stdout takes only one of the page, the picture and --json");
+    if (options.html && options.picture && locationOf(*options.html) == locationOf(*options.picture))
+        throw UsageError("--html and --picture name the same file");
     if (options.html)
         checkSuffix(*options.html, {".html", ".htm"});
     if (options.picture)
         checkSuffix(*options.picture, {".svg", ".png"});
     options.drawing.outlines = !options.noOutlines;
+    const inspect::Selection &selection = options.selection;
     options.drawing.whole = selection.meshes.empty() && selection.primitives.empty() && selection.triangles.empty();
     for (const auto &path : {options.html, options.picture})
         if (path)

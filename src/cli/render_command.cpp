@@ -453,7 +453,6 @@ struct RawOptions {
     std::string mode = "omm";
     std::string trace;
     std::string api = "khr";
-    std::string size;
     std::string level = "auto";
     std::string states = "4";
     bool noLayer = false;
@@ -489,7 +488,11 @@ void declarePicture(CLI::App &command, RenderOptions &options, RawOptions &raw)
                             "Ray queries in a compute shader, or a ray tracing pipeline [query, if the device has "
                             "ray queries]"),
         {"query", "pipeline"});
-    command.add_option("-s,--size", raw.size, "Width and height in pixels [1280x720]")->type_name("WxH");
+    command
+        .add_option_function<std::string>(
+            "-s,--size", [&options](const std::string &text) { parseSize(text, options.settings); },
+            "Width and height in pixels [1280x720]")
+        ->type_name("WxH");
     command.add_option("--samples", options.settings.samples, "Rays per pixel, averaged: 1 to 256 [1]")
         ->check(wholeBetween(1, 256))
         ->type_name("COUNT");
@@ -577,8 +580,6 @@ void checkTogether(const RenderOptions &options, const RawOptions &raw)
 
 void finishRender(RenderOptions &options, const RawOptions &raw)
 {
-    if (!raw.size.empty())
-        parseSize(raw.size, options.settings);
     options.bake.level = parseLevel(raw.level);
     options.bake.format = raw.states == "2" ? Format::TwoState : Format::FourState;
     options.mode = kModes.at(raw.mode);

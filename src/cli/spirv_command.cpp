@@ -375,7 +375,7 @@ struct SpirvOptions {
     std::vector<std::string> entryPoints;
     std::optional<std::string> initial; // --default
     std::optional<std::string> stage;
-    std::string api = "ext";
+    std::optional<std::string> api;
     bool force = false;
     bool json = false;
     bool quiet = false;
@@ -441,8 +441,8 @@ void checkSpirv(SpirvOptions &options)
         checkSuffix(*options.output, {".spv", ".spirv", suffixOf(options.inputs.front())});
     if (options.initial && (!enables || options.enable == kAlways))
         throw UsageError("--default is for --enable-micromaps=CONSTANT_ID");
-    if (!options.rewrite && options.stage)
-        throw UsageError("--stage is for --rewrite");
+    if (!options.rewrite && (options.stage || options.api))
+        throw UsageError(std::string(options.stage ? "--stage" : "--api") + " is for --rewrite");
     if (options.rewrite && options.entryPoints.size() > (options.stage ? 1u : 0u))
         throw UsageError("--rewrite takes --entry once, and only with --stage");
 }

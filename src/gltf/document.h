@@ -45,6 +45,8 @@ public:
     // Returns whether it is a GLB.
     [[nodiscard]] bool binary() const { return container_->binary; }
     [[nodiscard]] std::span<const uint8_t> bytes() const { return container_->bytes; }
+    // The size of the file, which may have more bytes than these: after the length that a GLB announces.
+    [[nodiscard]] uint64_t fileBytes() const { return container_->fileBytes; }
     // The bytes that follow the JSON chunk in a GLB, from the header of the second chunk on; empty if there are none.
     [[nodiscard]] std::span<const uint8_t> otherChunks() const;
 

@@ -280,7 +280,7 @@ InspectedFile Inspector::inspect(const DocumentBakeOptions *bake)
 {
     const std::filesystem::path &path = document_.path();
     file_.name = utf8Text(path.filename());
-    file_.bytes = document_.bytes().size() + bytesBeside();
+    file_.bytes = document_.fileBytes() + bytesBeside();
     checkSelection();
     file_.meshCount = document_.model().meshes.size();
     file_.primitiveCount = trianglePrimitives(document_).size();
@@ -383,13 +383,15 @@ Tally tallyOf(const InspectedFile &file, std::span<const InspectedPrimitive *con
     return tallier.finish();
 }
 
-Tally tallyOfMaterial(const InspectedFile &file, uint32_t material)
+std::vector<Tally> talliesOfMaterials(const InspectedFile &file)
 {
-    Tallier tallier(file);
+    std::vector<Tallier> talliers(file.materials.size(), Tallier(file));
     for (const InspectedPrimitive &primitive : file.primitives)
-        if (primitive.material == material)
-            tallier.add(primitive);
-    return tallier.finish();
+        talliers[primitive.material].add(primitive);
+    std::vector<Tally> tallies;
+    for (Tallier &tallier : talliers)
+        tallies.push_back(tallier.finish());
+    return tallies;
 }
 
 std::array<double, 4> stateShares(const InspectedFile &file, int32_t record)

@@ -157,8 +157,8 @@ Tally tallyOf(const InspectedFile &file, const InspectedPrimitive &primitive);
 // The tally of those primitives' triangles.
 Tally tallyOf(const InspectedFile &file, std::span<const InspectedPrimitive *const> primitives);
 
-// The tally of all triangles with one material, of InspectedFile::materials.
-Tally tallyOfMaterial(const InspectedFile &file, uint32_t material);
+// The tally of the triangles of each of InspectedFile::materials.
+std::vector<Tally> talliesOfMaterials(const InspectedFile &file);
 
 // Share of each State; for a special index 1 for its own.
 std::array<double, 4> stateShares(const InspectedFile &file, int32_t record);

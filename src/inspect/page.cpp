@@ -516,10 +516,10 @@ const char *nameOf(Wrap wrap)
     }
 }
 
-void writeMaterial(const InspectedFile &file, uint32_t number, const PageData &data, const PageLimits &limits,
-                   JsonWriter &json)
+// `textures`: the first material of each image so far, with which the page has it.
+void writeMaterial(const InspectedMaterial &material, uint32_t number, const Tally &tally, const PageData &data,
+                   std::map<const Image *, uint32_t> &textures, const PageLimits &limits, JsonWriter &json)
 {
-    const InspectedMaterial &material = file.materials[number];
     const Material &m = material.material;
     json.beginObject().member("index", material.index).member("name", m.name);
     json.member("mode", m.alphaMode == AlphaMode::Mask ? "MASK" : m.alphaMode == AlphaMode::Blend ? "BLEND" : "OPAQUE");
@@ -529,18 +529,15 @@ void writeMaterial(const InspectedFile &file, uint32_t number, const PageData &d
     json.values("wrap", std::array{nameOf(m.wrapU), nameOf(m.wrapV)});
     json.member("filter", m.filter == Filter::Nearest ? "nearest" : "bilinear");
     json.member("firstShape", data.firstShape[number]).member("endShape", data.firstShape[number + 1]);
-    writeTally(tallyOfMaterial(file, number), json);
+    writeTally(tally, json);
     json.member("problem", material.problem);
     if (material.image) {
         json.member("width", material.image->width).member("height", material.image->height);
-        // Stores each image once for all materials that have it.
-        uint32_t first = 0;
-        while (file.materials[first].image != material.image)
-            ++first;
-        if (first == number)
+        const auto [texture, isNew] = textures.try_emplace(material.image.get(), number);
+        if (isNew)
             json.member("texture", pngUri(pictureOf(scaledDown(*material.image, limits.textureEdge)), Alpha::Kept));
         else
-            json.member("textureOf", first);
+            json.member("textureOf", texture->second);
     }
     json.end();
 }
@@ -604,8 +601,10 @@ std::string pageFacts(const Document &document, const InspectedFile &file, const
         json.value(text);
     });
     json.key("materials").beginArray();
+    const std::vector<Tally> tallies = talliesOfMaterials(file);
+    std::map<const Image *, uint32_t> textures;
     for (uint32_t m = 0; m < file.materials.size(); ++m)
-        writeMaterial(file, m, data, limits, json);
+        writeMaterial(file.materials[m], m, tallies[m], data, textures, limits, json);
     json.end().key("primitives").beginArray();
     for (size_t p = 0; p < file.primitives.size(); ++p)
         writePrimitive(file, file.primitives[p], data.firstTriangle[p], data.firstTriangle[p + 1], json);

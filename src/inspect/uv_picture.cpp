@@ -5,13 +5,14 @@
 #include <cmath>
 #include <fmt/format.h>
 
+#include "base/error.h"
 #include "base/text.h"
 
 namespace vellum::inspect
 {
-UvRaster::UvRaster(const UvWindow &window)
+UvRaster::UvRaster(const UvWindow &window, uint64_t &rowsLeft)
     : window_(window), numbers_(size_t{window.width} * window.height, -1),
-      next_(size_t{window.width + 1} * window.height), free_(numbers_.size())
+      next_(size_t{window.width + 1} * window.height), free_(numbers_.size()), rowsLeft_(rowsLeft)
 {
     for (size_t i = 0; i < next_.size(); ++i)
         next_[i] = static_cast<uint32_t>(i % (window.width + 1));
@@ -43,7 +44,7 @@ void UvRaster::add(const TriangleUvs &uvs, int32_t number)
     const auto [least, most] = std::minmax({y[0], y[1], y[2]});
     const auto first = static_cast<uint32_t>(std::clamp(std::ceil(least - 0.5), 0.0, double(window_.height)));
     const auto end = static_cast<uint32_t>(std::clamp(std::floor(most - 0.5) + 1, 0.0, double(window_.height)));
-    for (uint32_t row = first; row < end && free_ != 0; ++row) {
+    for (uint32_t row = first; row < end && !full(); ++row, --rowsLeft_) {
         const double at = row + 0.5; // pixels whose centres are inside
         double low = INFINITY;
         double high = -INFINITY;
@@ -223,7 +224,8 @@ std::optional<UvBounds> boundsOf(const InspectedFile &file, uint32_t material)
     return bounds;
 }
 
-Picture drawUvWindow(const InspectedFile &file, uint32_t material, const UvWindow &window, bool outlines)
+Picture drawUvWindow(const InspectedFile &file, uint32_t material, const UvWindow &window, bool outlines,
+                     uint64_t &rowsLeft)
 {
     const uint32_t samples = std::max(window.width, window.height) <= kMostSamples ? 2 : 1;
     UvWindow fine = window;
@@ -231,7 +233,7 @@ Picture drawUvWindow(const InspectedFile &file, uint32_t material, const UvWindo
     fine.height *= samples;
     fine.scale *= samples;
     const std::vector<Shown> shown = trianglesOf(file, material);
-    UvRaster raster(fine);
+    UvRaster raster(fine, rowsLeft);
     for (size_t i = 0; i < shown.size() && !raster.full(); ++i)
         raster.add(shown[i].uvs, static_cast<int32_t>(i));
 
@@ -269,7 +271,7 @@ namespace
 {
 
 constexpr double kMostPixels = 64e6;
-constexpr uint32_t kSmallestEdge = 160;
+constexpr double kSmallestEdge = 160;
 constexpr int kMargin = 28;      // around everything, and between panels
 constexpr int kHead = 58;        // above a panel's picture, for its name
 constexpr int kScaleWidth = 58;  // next to it
@@ -352,22 +354,22 @@ void drawScales(LabelledPicture &drawing, const UvWindow &window, int x, int y)
 }
 
 void drawPanel(LabelledPicture &drawing, const InspectedFile &file, const Panel &panel, const UvPictureOptions &options,
-               int x, int y)
+               int x, int y, uint64_t &rowsLeft)
 {
+    copy(drawing.picture, drawUvWindow(file, panel.material, panel.window, options.outlines, rowsLeft), x, y + kHead);
     const Material &material = file.materials[panel.material].material;
     const double width = panel.window.width;
     const std::string name = material.name.empty() ? "default material" : material.name;
     const auto &s = panel.tally.states;
     const std::optional<float> cutoff = file.materials[panel.material].cutoff;
-    const std::string facts = fmt::format("{} triangle{}, {} unknown, {}", grouped(panel.tally.triangles),
-                                          panel.tally.triangles == 1 ? "" : "s", percent(s[2] + s[3]),
+    const std::string facts = fmt::format("{}{}, {} unknown, {}", counted(panel.tally.triangles, "triangle"),
+                                          rowsLeft == 0 ? " (not all are drawn)" : "", percent(s[2] + s[3]),
                                           cutoff ? fmt::format("cutoff {:.3g}", *cutoff)
                                           : material.alphaMode == AlphaMode::Blend ? "alphaMode BLEND"
                                                                                    : "no alpha test");
     drawing.labels.push_back(
         {static_cast<double>(x), y + 20.0, fitText(name, kTitle, width), kTitle, kInk, Label::Anchor::Start, true});
     drawing.labels.push_back({static_cast<double>(x), y + 44.0, fitText(facts, kNormal, width), kNormal, kFaint});
-    copy(drawing.picture, drawUvWindow(file, panel.material, panel.window, options.outlines), x, y + kHead);
     drawScales(drawing, panel.window, x, y + kHead);
 }
 
@@ -398,17 +400,21 @@ int drawLegend(LabelledPicture *drawing, const Tally &tally, int x, int y)
 
 LabelledPicture drawUvSpace(const InspectedFile &file, const UvPictureOptions &options)
 {
-    const auto count = static_cast<double>(file.materials.size());
-    const auto edge = static_cast<uint32_t>(
-        std::min<double>(options.edge, std::max<double>(std::sqrt(kMostPixels / count), kSmallestEdge)));
-    const auto columns = static_cast<size_t>(std::ceil(std::sqrt(count)));
-    std::vector<Panel> panels(file.materials.size());
+    const size_t count = file.materials.size();
+    const auto columns = static_cast<size_t>(std::ceil(std::sqrt(static_cast<double>(count))));
+    const size_t rows = (count + columns - 1) / columns;
+    constexpr int kAround = std::max(kScaleWidth + kMargin, kHead + kScaleHeight + kMargin / 2); // a panel's picture
+    const double fitting = std::sqrt(kMostPixels / static_cast<double>(rows * columns)) - kAround;
+    if (fitting < std::min<double>(options.edge, kSmallestEdge))
+        throw Error(grouped(count) + " materials are too many for a picture; --material chooses some");
+    const auto edge = static_cast<uint32_t>(std::min<double>(options.edge, fitting));
+    const std::vector<Tally> tallies = talliesOfMaterials(file);
+    std::vector<Panel> panels(count);
     for (uint32_t m = 0; m < panels.size(); ++m) {
         panels[m].material = m;
         panels[m].window = windowOf(file, m, options, edge);
-        panels[m].tally = tallyOfMaterial(file, m);
+        panels[m].tally = tallies[m];
     }
-    const size_t rows = (panels.size() + columns - 1) / columns;
     std::vector<int> widths(columns), heights(rows);
     for (size_t i = 0; i < panels.size(); ++i) {
         const UvWindow &window = panels[i].window;
@@ -424,11 +430,12 @@ LabelledPicture drawUvSpace(const InspectedFile &file, const UvPictureOptions &o
     width = std::max(width, drawLegend(nullptr, all, 0, 0) + 2 * kMargin + kScaleWidth);
     LabelledPicture drawing{{static_cast<uint32_t>(width), static_cast<uint32_t>(height + kLegend), {}}, {}};
     drawing.picture.pixels.assign(size_t{drawing.picture.width} * drawing.picture.height, kPaper);
+    uint64_t rowsLeft = kMostRows;
     int y = kMargin;
     for (size_t row = 0; row < rows; y += heights[row] + kMargin / 2, ++row) {
         int x = kMargin;
         for (size_t column = 0; column < columns && row * columns + column < panels.size(); ++column) {
-            drawPanel(drawing, file, panels[row * columns + column], options, x + kScaleWidth, y);
+            drawPanel(drawing, file, panels[row * columns + column], options, x + kScaleWidth, y, rowsLeft);
             x += widths[column] + kMargin;
         }
     }

@@ -23,15 +23,20 @@ struct UvWindow {
     uint32_t height = 0;
 };
 
+// Rows of pixels to look for triangles in, for all triangles of a picture: some seconds. Those after it are not drawn.
+constexpr uint64_t kMostRows = 1'000'000'000;
+
 class UvRaster
 {
 public:
-    explicit UvRaster(const UvWindow &window);
+    // `rowsLeft`: as kMostRows; is counted down.
+    UvRaster(const UvWindow &window, uint64_t &rowsLeft);
 
     // Gives the triangle's pixels that no triangle before has taken to it. A pixel is taken once, so any number of
     // triangles over each other costs little.
     void add(const TriangleUvs &uvs, int32_t number);
-    [[nodiscard]] bool full() const { return free_ == 0; }
+    // Returns whether nothing more can be added.
+    [[nodiscard]] bool full() const { return free_ == 0 || rowsLeft_ == 0; }
 
     // The number given to add(), or -1.
     [[nodiscard]] int32_t at(size_t x, size_t y) const { return numbers_[y * window_.width + x]; }
@@ -44,6 +49,7 @@ private:
     std::vector<int32_t> numbers_;
     std::vector<uint32_t> next_; // in each row, by pixel and one more: itself if free, else one further on
     size_t free_;
+    uint64_t &rowsLeft_;
 };
 
 // Barycentrics of a place in the UV plane. Of no use where the triangle has no area.
@@ -82,8 +88,9 @@ struct UvBounds {
 };
 std::optional<UvBounds> boundsOf(const InspectedFile &file, uint32_t material);
 
-// Every pixel of the window.
-Picture drawUvWindow(const InspectedFile &file, uint32_t material, const UvWindow &window, bool outlines);
+// Every pixel of the window. `rowsLeft`: as for UvRaster.
+Picture drawUvWindow(const InspectedFile &file, uint32_t material, const UvWindow &window, bool outlines,
+                     uint64_t &rowsLeft);
 
 struct UvPictureOptions {
     uint32_t edge = 1024; // pixels of a material's longer side
@@ -92,7 +99,8 @@ struct UvPictureOptions {
 };
 
 // A panel for each material, with its name, a scale and the shares of states, and a legend. Panels are smaller where
-// there are so many that the picture would have more than 64 million pixels.
+// there are so many that the picture would have more than 64 million pixels. Throws Error where no panel would be
+// legible then.
 LabelledPicture drawUvSpace(const InspectedFile &file, const UvPictureOptions &options);
 
 } // namespace vellum::inspect

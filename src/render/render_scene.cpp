@@ -332,8 +332,12 @@ void addGeometry(RenderScene &result, const Geometry &g, const GeometryRecord &r
 {
     std::vector<Vec3> normals = smoothNormals(g);
     std::vector<uint32_t> packed(g.positions.size());
+    std::vector<bool> done(g.positions.size());
     const bool leaves = record.kind == static_cast<uint32_t>(Kind::Leaves);
-    for (size_t i = 0; i < packed.size(); ++i) {
+    for (const uint32_t i : g.indices) {
+        if (done[i])
+            continue;
+        done[i] = true;
         const Vec3 p = transformed(place, g.positions[i]);
         float visibility = 1;
         if (record.kind == static_cast<uint32_t>(Kind::Ground)) {

@@ -321,6 +321,22 @@ TEST(BakeJob, LogsAndResumes)
     EXPECT_NE(readText(log).find("{{{\n{\"input\""), std::string::npos);
 }
 
+// They belong to no chunk, and to the size of the file.
+TEST(BakeJob, BytesAfterAGlbCount)
+{
+    const TemporaryFolder folder;
+    Bytes glb = cardGlb();
+    glb.push_back('x');
+    writeFile(folder / "a.glb", glb);
+    const std::string log = (folder / "log").string();
+    const std::vector<std::string> bake = {"bake",  (folder / "a.glb").string(), "--log", log, "--resume", log,
+                                           "--json"};
+    const Outcome first = runVellum(bake);
+    EXPECT_TRUE(has(first.output, "\"bytes\": " + std::to_string(glb.size()) + ",")) << first.output;
+    const Outcome second = runVellum(bake);
+    EXPECT_EQ(JsonTree(second.output).root()["done"].integer(), 1) << second.output;
+}
+
 // Whatever is left of the first line.
 TEST(BakeJob, ALogMayBeginWithALineThatIsCutOff)
 {

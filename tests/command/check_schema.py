@@ -108,6 +108,8 @@ with tempfile.TemporaryDirectory() as name:
     for path in (out / "failures").glob("*.json"):
         found = faults(json.loads(path.read_text(encoding="utf-8")), SCHEMA)
         assert not found, (path, found)
+    reproducers = {pathlib.Path(case["reproducer"]) for case in check["cases"] if "reproducer" in case}
+    assert reproducers == set((out / "failures").glob("*.json"))
     # JUnit's XML and the CSV say the same.
     named = {case["case"]: case["result"] for case in check["cases"]}
     junit = {}

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What vellum render makes of a scene's instances.
 #include <cmath>
+#include <ctime>
 #include <gtest/gtest.h>
 
 #include "render/render_scene.h"
@@ -37,4 +38,21 @@ TEST(RenderScene, FlattenedInstancesAreDrawn)
             EXPECT_LT(length(moved - transformed(visible[i], position)), 3e-3f) << i;
         }
     }
+}
+
+TEST(RenderScene, VerticesThatNoTriangleHasCostLittle)
+{
+    Scene scene;
+    scene.materials.emplace_back();
+    vellum::Geometry &card = scene.geometries.emplace_back();
+    card.positions.resize(4'000'000, {0.25f, 0.25f, 0.5f});
+    card.positions[1] = {1, 0, 0.5f};
+    card.positions[2] = {0, 1, 1};
+    card.uvs.resize(card.positions.size());
+    card.indices = {0, 1, 2};
+    scene.meshes = {{0, 1}};
+    scene.instances = {{0, kInPlace}};
+    const std::clock_t begin = std::clock();
+    prepareScene(std::move(scene), 1);
+    EXPECT_LT(static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC, 5);
 }

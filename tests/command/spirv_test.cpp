@@ -193,6 +193,7 @@ TEST_F(SpirvCommand, UsageErrors)
     expectUsageError({"--enable-micromaps=seven", queries, "-o", out}, "seven");
     expectUsageError({"--enable-micromaps", "--default", "true", queries, "-o", out}, "--default");
     expectUsageError({"--disable", "--stage", "miss", queries, "-o", out}, "--stage");
+    expectUsageError({"--disable", "--api", "khr", queries, "-o", out}, "--api");
     expectUsageError({"--rewrite", "--entry", "main", queries, "-o", out}, "--entry");
     EXPECT_FALSE(std::filesystem::exists(out));
 }

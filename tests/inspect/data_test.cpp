@@ -141,6 +141,7 @@ TEST(InspectEncoding, TextIsHarmlessInPages)
     EXPECT_EQ(jsonString("\xe2\x80\xa8"), R"("\u2028")");
     EXPECT_EQ(markupText("<b> & \"x\""), "&#60;b&#62; &#38; &#34;x&#34;");
     EXPECT_EQ(markupText("\xc3\xa9"), "&#233;");
+    EXPECT_EQ(markupText("a\tb\nc\rd"), "a&#9;b&#10;c&#65533;d");
 }
 
 TEST(InspectEncoding, InvalidUtf8IsReplaced)
@@ -151,6 +152,7 @@ TEST(InspectEncoding, InvalidUtf8IsReplaced)
     EXPECT_EQ(jsonString("\xed\xa0\x80").substr(0, 7), "\"\\ufffd") << "half of a pair";
     EXPECT_EQ(jsonString("\xf7\xbf\xbf\xbf").substr(0, 7), "\"\\ufffd") << "above U+10FFFF";
     EXPECT_EQ(markupText(std::string_view("\0", 1)), "&#65533;");
+    EXPECT_EQ(markupText("\xef\xbf\xbf"), "&#65533;") << "U+FFFF";
 }
 
 TEST(InspectSelection, Ranges)

@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include "base/error.h"
 #include "base/picture.h"
 #include "inspect/uv_picture.h"
 #include "made_up_file.h"
@@ -36,8 +37,9 @@ int brightness(const Picture &picture, size_t x, size_t y)
 TEST(UvPicture, EachMicroTriangleHasItsState)
 {
     const InspectedFile file = madeUpFile();
+    uint64_t rows = kMostRows;
     const UvWindow window{0, 0, 400, 400, 400};
-    const Picture picture = drawUvWindow(file, 0, window, true);
+    const Picture picture = drawUvWindow(file, 0, window, true, rows);
     for (uint32_t i = 0; i < 16; ++i) { // of the lower triangle, whose UVs are its barycentrics
         const auto corners = microTriangleCorners(i, 2);
         const double u = (corners[0].u + corners[1].u + corners[2].u) / 3;
@@ -52,8 +54,9 @@ TEST(UvPicture, EachMicroTriangleHasItsState)
 TEST(UvPicture, EmptyOutsideTriangles)
 {
     const InspectedFile file = madeUpFile();
+    uint64_t rows = kMostRows;
     const UvWindow window{-1, 0, 50, 100, 50}; // from u = -1 to 1
-    const Picture picture = drawUvWindow(file, 0, window, false);
+    const Picture picture = drawUvWindow(file, 0, window, false, rows);
     EXPECT_EQ(warmth(picture, -0.5, 0.5, window), 0);
     EXPECT_NE(warmth(picture, 0.3, 0.3, window), 0);
 }
@@ -61,15 +64,17 @@ TEST(UvPicture, EmptyOutsideTriangles)
 TEST(UvPicture, OutlinesAreDark)
 {
     const InspectedFile file = madeUpFile();
+    uint64_t rows = kMostRows;
     const UvWindow window{0, 0, 400, 400, 400};
-    const Picture with = drawUvWindow(file, 0, window, true);
-    const Picture without = drawUvWindow(file, 0, window, false);
+    const Picture with = drawUvWindow(file, 0, window, true, rows);
+    const Picture without = drawUvWindow(file, 0, window, false, rows);
     EXPECT_LT(brightness(with, 100, 0), brightness(without, 100, 0) - 100);
 }
 
 TEST(UvPicture, TheFirstOfSeveralTrianglesKeepsItsPixels)
 {
-    UvRaster raster({0, 0, 10, 10, 10});
+    uint64_t rows = kMostRows;
+    UvRaster raster({0, 0, 10, 10, 10}, rows);
     const TriangleUvs half = {{{0, 0}, {1, 0}, {0, 1}}};
     const TriangleUvs everything = {{{-1, -1}, {3, -1}, {-1, 3}}};
     raster.add(half, 4);
@@ -78,6 +83,23 @@ TEST(UvPicture, TheFirstOfSeveralTrianglesKeepsItsPixels)
     EXPECT_TRUE(raster.full());
     EXPECT_EQ(raster.at(1, 1), 4);
     EXPECT_EQ(raster.at(8, 8), 5);
+}
+
+// Slivers between the centres of pixels never fill a picture.
+TEST(UvPicture, RowsOfAllTrianglesAreLimited)
+{
+    const TriangleUvs sliver = {{{0.01f, 0}, {0.02f, 0}, {0.02f, 1}}};
+    uint64_t rows = 25;
+    for (int panel = 0; panel < 2; ++panel) {
+        UvRaster raster({0, 0, 10, 10, 10}, rows);
+        raster.add(sliver, 0);
+        EXPECT_FALSE(raster.full());
+    }
+    UvRaster raster({0, 0, 10, 10, 10}, rows);
+    raster.add({{{0, 0}, {2, 0}, {0, 2}}}, 7);
+    EXPECT_TRUE(raster.full());
+    EXPECT_EQ(raster.at(0, 4), 7);
+    EXPECT_EQ(raster.at(0, 5), -1);
 }
 
 TEST(UvPicture, PanelsWithScalesAndALegend)
@@ -103,6 +125,24 @@ TEST(UvPicture, PanelsWithScalesAndALegend)
     // Coordinates from here to the ends of what a float can be are drawn, too.
     file.primitives[0].uvs[0] = {{{-3e38f, 3e38f}, {3e38f, 0}, {1e-38f, -3e38f}}};
     EXPECT_GT(drawUvSpace(file, {.edge = 200, .outlines = true, .whole = false}).picture.width, 200u);
+}
+
+TEST(UvPicture, TooManyMaterials)
+{
+    InspectedFile file = madeUpFile();
+    file.materials.resize(3000, file.materials[0]);
+    try {
+        drawUvSpace(file, {.edge = 64, .outlines = false, .whole = true});
+        ADD_FAILURE() << "drawn";
+    } catch (const Error &error) {
+        EXPECT_STREQ(error.what(), "3,000 materials are too many for a picture; --material chooses some");
+    }
+}
+
+TEST(PictureFile, TooLargeForPng)
+{
+    const Picture picture{40000, 36000, {}}; // more bytes than 32 bits count
+    EXPECT_THROW(encodePng(picture), Error);
 }
 
 TEST(PictureText, FitsANameOfAnyLength)

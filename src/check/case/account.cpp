@@ -211,7 +211,7 @@ private:
     [[nodiscard]] std::string micromapBuild() const
     {
         if (case_.build.micromaps == BuildCommand::Host)
-            return "vkBuildMicromapsEXT";
+            return case_.build.deferred ? "vkBuildMicromapsEXT, deferred," : "vkBuildMicromapsEXT";
         return khr_ ? "vkCmdBuildAccelerationStructuresKHR" : "vkCmdBuildMicromapsEXT";
     }
     [[nodiscard]] const char *structureBuild() const
@@ -576,6 +576,7 @@ void Account::writeTracePlan()
         case TracePlan::Query::Carried:
             line("The loop swaps two values in each iteration, and has two continue paths.");
             break;
+        case TracePlan::Query::Beside: line("Another ray query with other flags proceeds in the same loop."); break;
         }
         if (trace.shaderObjects)
             line("The shader is a shader object.");

@@ -269,7 +269,7 @@ void BuiltCase::buildMicromaps()
         const size_t some = case_.build.together ? infos.size() : 1;
         executeOnHost("micromap builds on the host", writes, [&] {
             for (size_t i = 0; i < infos.size(); i += some)
-                HostCommands(gpu_, false).build(std::span(infos).subspan(i, some));
+                HostCommands(gpu_, case_.build.deferred).build(std::span(infos).subspan(i, some));
         });
     } else if (case_.build.together) {
         for (size_t i = 0; i < micromaps_.size(); ++i)

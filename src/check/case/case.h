@@ -80,6 +80,7 @@ struct BuildPlan {
     // A second device carries out the same, in memory apart: something of it while each command buffer of the first one
     // is recorded. Not with threads.
     bool secondDevice = false;
+    bool deferred = false; // host builds get a deferred operation
 };
 
 // Something that is done after everything was built and before rays are traced. The top level is built after all steps
@@ -252,8 +253,9 @@ struct TracePlan {
     // parameter initialize it, proceed and read it. Again: it is initialized with other flags and proceeds before.
     // Sites: it is initialized and proceeds in two locations, of which rays take either. Getters: origins, directions
     // and transforms are read as well. Condition: the condition of its loop also counts. Carried: its loop swaps
-    // two values in each iteration, and has two continue paths.
-    enum class Query { Plain, Array, Functions, Again, Sites, Getters, Condition, Carried };
+    // two values in each iteration, and has two continue paths. Beside: another query, with other flags, proceeds in
+    // the same loop.
+    enum class Query { Plain, Array, Functions, Again, Sites, Getters, Condition, Carried, Beside };
 
     Method method = Method::Query;
     // Query: the stage that has the ray query: any that kQueryStages lists.

@@ -136,6 +136,7 @@ void of(Archive &archive, T &build)
     archive.name("micromaps", build.micromaps, kBuildCommandNames, standard.micromaps);
     archive.name("structures", build.structures, kBuildCommandNames, standard.structures);
     archive.value("together", build.together, standard.together);
+    archive.value("deferred", build.deferred, standard.deferred);
     archive.value("mixed", build.mixed, standard.mixed);
     archive.value("threads", build.threads, standard.threads);
     archive.value("instancePointers", build.instancePointers, standard.instancePointers);

@@ -140,6 +140,7 @@ inline constexpr std::array kQueryNames{
     Name<TracePlan::Query>{TracePlan::Query::Getters, "getters"},
     Name<TracePlan::Query>{TracePlan::Query::Condition, "condition"},
     Name<TracePlan::Query>{TracePlan::Query::Carried, "carried"},
+    Name<TracePlan::Query>{TracePlan::Query::Beside, "beside"},
 };
 inline constexpr std::array kOtherEntryNames{
     Name<OtherEntry>{OtherEntry::None, "none"},

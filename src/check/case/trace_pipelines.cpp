@@ -37,6 +37,9 @@
 #include "shaders/tracer_comp_again.h"
 #include "shaders/tracer_comp_again_optimized.h"
 #include "shaders/tracer_comp_again_specialized.h"
+#include "shaders/tracer_comp_beside.h"
+#include "shaders/tracer_comp_beside_optimized.h"
+#include "shaders/tracer_comp_beside_specialized.h"
 #include "shaders/tracer_comp_by_address.h"
 #include "shaders/tracer_comp_carried.h"
 #include "shaders/tracer_comp_carried_optimized.h"
@@ -203,6 +206,7 @@ std::span<const uint32_t> queryModule(TracePlan::Query query, bool specialized, 
     case TracePlan::Query::Getters: return of(FORMS(tracer_comp_getters));
     case TracePlan::Query::Condition: return of(FORMS(tracer_comp_in_condition));
     case TracePlan::Query::Carried: return of(FORMS(tracer_comp_carried));
+    case TracePlan::Query::Beside: return of(FORMS(tracer_comp_beside));
     default: return of(FORMS(tracer_comp));
     }
 }

@@ -651,6 +651,7 @@ void checkPlans(const Case &c)
     rule(!c.build.single || c.queries.empty(), "build.single", "has queries");
     rule(!c.build.single || c.addressCopies.commands.empty(), "build.single", "has copies at addresses");
     rule(!c.build.mixed || c.build.together, "build.mixed", "is not together");
+    rule(!c.build.deferred || c.build.micromaps == BuildCommand::Host, "build.deferred", "is no host build");
     rule(c.build.spareTriangles <= 1000, "build.spareTriangles", "{} is too large", c.build.spareTriangles);
     rule(c.build.spareInstances <= 1000, "build.spareInstances", "{} is too large", c.build.spareInstances);
     rule(c.build.skippedInstances <= 1000, "build.skippedInstances", "{} is too large", c.build.skippedInstances);

@@ -226,6 +226,7 @@ Case hostBuilds(Random &random, const DeviceLimits &limits)
 {
     Case c = builds(random, limits);
     c.build.micromaps = BuildCommand::Host;
+    c.build.deferred = chance(random, 40);
     buildableOnHost(c.scene);
     if (!chance(random, 20))
         return c;
@@ -332,8 +333,8 @@ constexpr std::array kBuildsGroups{
           "Acceleration Structure Build Synchronization: VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, "
           "VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR",
           150, runGroup<single>, 120},
-    Group{"host-builds", "micromaps that are built on the host", "vkBuildMicromapsEXT; micromapHostCommands", 60,
-          runGroup<hostBuilds>, 60},
+    Group{"host-builds", "micromaps that are built on the host, also deferred",
+          "vkBuildMicromapsEXT; micromapHostCommands", 60, runGroup<hostBuilds>, 60},
     Group{
         "packed", "micromaps and structures side by side in one buffer: builds write nothing else",
         "VkAccelerationStructureBuildSizesInfoKHR and VkMicromapBuildSizesInfoEXT: sizes of memory and scratch memory",

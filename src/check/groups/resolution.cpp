@@ -255,20 +255,49 @@ Case stages(Random &random, const DeviceLimits &limits)
     return c;
 }
 
+// Adds triangles behind each other, which micromaps make transparent, except the last ones; and rays through all of
+// them.
+void addStack(Random &random, oracle::Scene &scene)
+{
+    constexpr float kAside = 40, kDistance = 0.0625f;
+    const auto micromap = static_cast<uint32_t>(scene.micromaps.size());
+    scene.micromaps.push_back({.triangles = {{.level = 1, .format = kTwoState, .states = {0, 0, 0, 0}}}});
+    oracle::Instance instance = instanceInPlace(random);
+    instance.object = static_cast<uint32_t>(scene.objects.size());
+    scene.instances.push_back(instance);
+    oracle::Mesh &mesh = scene.objects.emplace_back().meshes.emplace_back();
+    mesh.opaque = chance(random, 50);
+    mesh.micromap = {.micromap = micromap, .indexType = VK_INDEX_TYPE_UINT16};
+    const uint32_t count = 2 + below(random, 70);
+    for (uint32_t i = 0; i < count; ++i) {
+        appendTriangle(mesh.vertices, {kAside, kAside, -kDistance * static_cast<float>(i)});
+        mesh.micromap->indices.push_back(i + 2 < count ? 0 : -1 - static_cast<int32_t>(below(random, 4)));
+    }
+    for (uint32_t i = 0; i < 8; ++i) {
+        Ray ray = rayDown(random);
+        const auto [u, v] = microTriangleCentre(below(random, 4), 1);
+        ray.origin = {kAside + static_cast<float>(u), kAside + static_cast<float>(v), 3};
+        scene.rays.push_back(ray);
+    }
+}
+
 // Ray queries in other forms than one variable that is used once, and in shader objects.
 Case queryObjects(Random &random, const DeviceLimits &limits)
 {
     Case c = queries(random, limits);
-    constexpr std::array forms{TracePlan::Query::Plain,     TracePlan::Query::Array,  TracePlan::Query::Functions,
-                               TracePlan::Query::Again,     TracePlan::Query::Sites,  TracePlan::Query::Getters,
-                               TracePlan::Query::Condition, TracePlan::Query::Carried};
+    constexpr std::array forms{TracePlan::Query::Plain,     TracePlan::Query::Array,   TracePlan::Query::Functions,
+                               TracePlan::Query::Again,     TracePlan::Query::Sites,   TracePlan::Query::Getters,
+                               TracePlan::Query::Condition, TracePlan::Query::Carried, TracePlan::Query::Beside};
     c.trace.query = forms[below(random, forms.size())];
     c.trace.optimized = chance(random, 40);
     c.trace.shaderObjects = (c.trace.query == TracePlan::Query::Plain && !c.trace.optimized) || chance(random, 20);
     c.trace.signedFlags = chance(random, 25);
     c.trace.maintenance6 = limits.maintenance6 && chance(random, 20);
-    // In an array, the other query has constant flags, which differ then.
-    if (!c.trace.optimized && chance(random, c.trace.query == TracePlan::Query::Array ? 80 : 30))
+    if (chance(random, 25))
+        addStack(random, c.scene);
+    // In an array and beside another one, the other query has constant flags, which differ then.
+    const bool two = c.trace.query == TracePlan::Query::Array || c.trace.query == TracePlan::Query::Beside;
+    if (!c.trace.optimized && chance(random, two ? 80 : 30))
         fixFlags(random, c);
     terminateSome(random, c.scene);
     setRecords(random, c);

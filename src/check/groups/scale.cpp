@@ -131,6 +131,33 @@ Case triangles(Random &random, const DeviceLimits &limits, uint32_t count)
     return c;
 }
 
+// Triangles whose structure is copied, compacted and serialized.
+Case copiedTriangles(Random &random, const DeviceLimits &limits)
+{
+    using Kind = Step::Kind;
+    Case c = triangles(random, limits, above(random, 1u << 10));
+    c.steps = {{.kind = Kind::CloneObject}, {.kind = Kind::CompactObject}};
+    if (limits.api == Api::Ext || !limits.has(Fault::LayerSerializedStructures))
+        c.steps.push_back({.kind = Kind::ReloadObject});
+    if (chance(random, 50))
+        std::swap(c.steps.front(), c.steps.back());
+    return c;
+}
+
+// An update of triangles that gives a few of them other indices.
+template <bool outOfPlace>
+Case updatedTriangles(Random &random, const DeviceLimits &limits)
+{
+    Case c = triangles(random, limits, above(random, 1u << 10));
+    oracle::MeshMicromap use = *c.scene.objects[0].meshes[0].micromap;
+    const int32_t filler = std::ranges::count(use.indices, 0) > std::ranges::count(use.indices, 1) ? 0 : 1;
+    for (int32_t &index : use.indices)
+        if (index != filler || chance(random, 5))
+            index = otherThan(random, static_cast<uint32_t>(filler));
+    c.steps = {{.kind = Step::Kind::SetIndices, .update = true, .outOfPlace = outOfPlace, .micromapUse = use}};
+    return c;
+}
+
 Case instances(Random &random, const DeviceLimits &limits, uint32_t count)
 {
     Case c = paletteCase(random);
@@ -161,6 +188,22 @@ Case instances(Random &random, const DeviceLimits &limits, uint32_t count)
     if (chance(random, 50))
         addSteps(random, c, kinds, 1, limits);
     maybeByPipeline(random, c, limits);
+    return c;
+}
+
+// An update of the top level that gives instances other flags and custom indices.
+Case updatedInstances(Random &random, const DeviceLimits &limits)
+{
+    Case c = instances(random, limits, above(random, 1u << 10));
+    c.steps.clear();
+    if (limits.has(Fault::InstanceBehindInvisible)) // as randomStep
+        return c;
+    Step step{.kind = Step::Kind::UpdateTop, .outOfPlace = chance(random, 50), .instances = c.scene.instances};
+    for (oracle::Instance &instance : step.instances) {
+        instance.flags = oracle::randomInstance(random, 1, {}).flags;
+        instance.customIndex = below(random, 1u << 24);
+    }
+    c.steps.push_back(std::move(step));
     return c;
 }
 
@@ -292,6 +335,25 @@ Case sharedData(Random &random, const DeviceLimits &limits, uint32_t count)
     if (chance(random, 40))
         c.steps.push_back({.kind = chance(random, 50) ? Kind::CloneMicromap : Kind::ReloadMicromap});
     c.steps.push_back({.kind = Kind::CompactMicromap});
+    maybeByPipeline(random, c, limits);
+    return c;
+}
+
+// More than two blocks of 256 micromap triangles, whose data a device may have to move: it has gaps, so that it takes
+// more bytes than the triangles need, or the build is lossy.
+template <bool mayBeLossy>
+Case movedData(Random &random, const DeviceLimits &limits)
+{
+    const uint32_t count = above(random, 1u << 9);
+    const std::vector<uint32_t> numbers = interesting(random, count);
+    Case c = micromapCase(random, limits, count, numbers);
+    oracle::SceneMicromap &micromap = c.scene.micromaps[0];
+    const bool lossy = mayBeLossy && limits.api == Api::Khr;
+    micromap.flags |= lossy ? kLossy : 0;
+    micromap.layout = kDataGaps | below(random, 8);
+    for (oracle::MicromapTriangle &triangle : micromap.triangles)
+        triangle = oracle::mixedTriangle(random, kRequiredLevel, !lossy && chance(random, 10) ? kTwoState : kFourState);
+    addUses(random, c, numbers, VK_INDEX_TYPE_UINT16, 0, kRequiredLevel);
     maybeByPipeline(random, c, limits);
     return c;
 }
@@ -459,7 +521,7 @@ Case someMicromapTriangles(Random &random, const DeviceLimits &limits)
     return micromapTriangles(random, limits, above(random, 1u << 10));
 }
 
-constexpr std::array<MakeCase, 22> kKinds{
+constexpr std::array<MakeCase, 28> kKinds{
     [](Random &random, const DeviceLimits &) { return geometries(random, above(random, 1u << 8)); },
     someTriangles,
     someInstances,
@@ -484,6 +546,12 @@ constexpr std::array<MakeCase, 22> kKinds{
     [](Random &random, const DeviceLimits &limits) { return sharedData(random, limits, above(random, 1u << 15)); },
     [](Random &random, const DeviceLimits &limits) { return sharedData(random, limits, above(random, 1u << 10)); },
     manyRecords,
+    movedData<false>,
+    movedData<true>,
+    copiedTriangles,
+    updatedTriangles<false>,
+    updatedTriangles<true>,
+    updatedInstances,
 };
 
 Outcome scale(Session &session, std::string_view group, uint64_t seed)
@@ -495,8 +563,9 @@ constexpr std::array kScaleGroups{
     Group{"scale",
           "more than 256 and 65,536 geometries, triangles, instances and micromap triangles; indices with the highest "
           "bit set; the highest levels, also lossy, copied and serialized; strides of triangle arrays and data of more "
-          "than 64 KiB; more than 1,024 and 32,768 triangles that are compacted, with equal data far apart; hit tables "
-          "of megabytes",
+          "than 64 KiB; more than 1,024 and 32,768 triangles that are compacted, with equal data far apart; more than "
+          "512 whose data has gaps, or whose build is lossy; copies and updates of more than 1,024 triangles and "
+          "instances; hit tables of megabytes",
           "maxGeometryCount, maxPrimitiveCount, maxInstanceCount, maxMicromapTriangles; "
           "VkAccelerationStructureTrianglesOpacityMicromapKHR: indexType, baseTriangle; "
           "maxOpacity2StateSubdivisionLevel, maxOpacity4StateSubdivisionLevel and "

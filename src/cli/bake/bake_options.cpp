@@ -84,7 +84,6 @@ Examples:
 struct RawBakeOptions {
     std::string level = "auto";
     std::string rule = "nearest";
-    std::string budget;
     std::string states = "4";
     bool exact = false;
 };
@@ -96,13 +95,7 @@ const std::map<std::string, TwoStateRule> kRules = {{"nearest", TwoStateRule::Ne
                                                     {"opaque", TwoStateRule::UnknownIsOpaque},
                                                     {"transparent", TwoStateRule::UnknownIsTransparent}};
 
-// What the options of files are made of.
-struct RawFileOptions {
-    std::string shard;
-    std::string cacheSize;
-};
-
-void declareFiles(CLI::App &command, BakeCommandOptions &options, RawFileOptions &raw)
+void declareFiles(CLI::App &command, BakeCommandOptions &options)
 {
     command.option_defaults()->group(kInput);
     command
@@ -113,7 +106,11 @@ void declareFiles(CLI::App &command, BakeCommandOptions &options, RawFileOptions
         .add_option("--files", options.files,
                     "Bake the files of this list instead: INPUT or INPUT<TAB>OUTPUT a line; - is stdin")
         ->type_name("LIST");
-    command.add_option("--shard", raw.shard, "Bake the files of part K of N only, as 2/8")->type_name("K/N");
+    command
+        .add_option_function<std::string>(
+            "--shard", [&options](const std::string &text) { options.shard = job::parseShard(text); },
+            "Bake the files of part K of N only, as 2/8")
+        ->type_name("K/N");
     command
         .add_option("--resume", options.resume,
                     "Skip what this log has as done and whose outputs exist; the log must exist, except that of --log; "
@@ -148,7 +145,10 @@ void declareFiles(CLI::App &command, BakeCommandOptions &options, RawFileOptions
         ->envname("VELLUM_CACHE")
         ->type_name("FOLDER");
     command
-        .add_option("--cache-size", raw.cacheSize, "Most bytes that the cache takes, like 500M or 20G, from 1M on [5G]")
+        .add_option_function<std::string>(
+            "--cache-size",
+            [&options](const std::string &text) { options.cacheSize = parseBytes("--cache-size", text); },
+            "Most bytes that the cache takes, like 500M or 20G, from 1M on [5G]")
         ->type_name("BYTES");
     command.option_defaults()->group(kGeneral);
     command.add_flag("-q,--quiet", options.quiet, "Print errors only");
@@ -189,8 +189,8 @@ void declareQuality(CLI::App &command, DocumentBakeOptions &options, RawBakeOpti
         ->type_name("LEVEL");
     addBakeNumber(command, kTexelsPerEdge, bake.texelsPerEdge);
     command
-        .add_option(
-            "--budget", raw.budget,
+        .add_option_function<std::string>(
+            "--budget", [&bake](const std::string &text) { bake.budget = parseBytes("--budget", text); },
             "Most bytes of micromaps for a file, like 500K or 2M, without the indices of triangles: levels are lowered "
             "where that loses the least known "
             "surface, or automatic ones raised where that gains the most. 0: one state "
@@ -217,8 +217,6 @@ void finishBaking(DocumentBakeOptions &options, const RawBakeOptions &raw)
 {
     BakeOptions &bake = options.bake;
     bake.level = parseLevel(raw.level);
-    if (!raw.budget.empty())
-        bake.budget = parseBytes("--budget", raw.budget);
     bake.format = raw.states == "2" ? Format::TwoState : Format::FourState;
     bake.twoStateRule = kRules.at(raw.rule);
     if (bake.budget && options.targetKnown)
@@ -353,15 +351,10 @@ std::function<int()> declareBakeCommand(CLI::App &app)
     const auto options = std::make_shared<BakeCommandOptions>();
     CLI::App &command = *app.add_subcommand("bake", "Bakes opacity micromaps into glTF files");
     command.footer(kBakeDetails);
-    const auto raw = std::make_shared<RawFileOptions>();
-    declareFiles(command, *options, *raw);
+    declareFiles(command, *options);
     const std::function<void()> finish = declareBaking(command, options->bake);
-    return [options, raw, finish] {
+    return [options, finish] {
         finish();
-        if (!raw->shard.empty())
-            options->shard = job::parseShard(raw->shard);
-        if (!raw->cacheSize.empty())
-            options->cacheSize = parseBytes("--cache-size", raw->cacheSize);
         splitOperands(*options);
         checkTogether(*options);
         return bakeCommand(*options);

@@ -29,9 +29,11 @@ constexpr std::pair<Verdict, const char *> kVerdicts[] = {
     {Verdict::ImprovedToSkip, "UnexpectedImprovement(Skip)"},
 };
 
-// deqp-runner's rules.
+// deqp-runner's rules. In a baseline, what failed better than an earlier one is a failure.
 Verdict compare(Verdict verdict, Verdict baseline)
 {
+    if (baseline == Verdict::ImprovedToFail)
+        baseline = Verdict::Fail;
     const bool failed = baseline == Verdict::Fail || baseline == Verdict::Crash || baseline == Verdict::Timeout ||
                         baseline == Verdict::Missing;
     switch (verdict) {

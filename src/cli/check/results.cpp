@@ -150,36 +150,19 @@ const char *statusOf(const CaseResult &result)
     return result.verdict == Verdict::Missing ? kNotRun : nameOf(result.status);
 }
 
-// Text or an attribute of XML 1.0, which has no way to write control characters.
-std::string xml(const std::string &text)
-{
-    std::string result;
-    for (const char c : text) {
-        switch (c) {
-        case '&': result += "&amp;"; break;
-        case '<': result += "&lt;"; break;
-        case '>': result += "&gt;"; break;
-        case '"': result += "&quot;"; break;
-        case '\n': result += "&#10;"; break;
-        default: result += static_cast<uint8_t>(c) < 0x20 && c != '\t' ? '?' : c;
-        }
-    }
-    return result;
-}
-
 std::string junitCase(const CaseResult &result)
 {
     std::string text = fmt::format(R"(    <testcase classname="{}.{}" name="{}" time="{:.3f}")", nameOf(result.id.api),
                                    result.id.group->name, nameOf(result.id), result.seconds);
     if (!isSuccess(result.verdict))
         return text + fmt::format("><failure type=\"{}\" message=\"{}\">{}</failure></testcase>\n",
-                                  nameOf(result.verdict), xml(causeOf(result)),
-                                  xml(result.details != nullptr ? result.details->text : ""));
+                                  nameOf(result.verdict), markupText(causeOf(result)),
+                                  markupText(result.details != nullptr ? result.details->text : ""));
     if (result.verdict == Verdict::Skip)
-        return text + fmt::format("><skipped message=\"{}\"/></testcase>\n", xml(result.cause()));
+        return text + fmt::format("><skipped message=\"{}\"/></testcase>\n", markupText(result.cause()));
     if (result.verdict != Verdict::Pass)
         return text + fmt::format("><system-out>{}: {}</system-out></testcase>\n", nameOf(result.verdict),
-                                  xml(causeOf(result)));
+                                  markupText(causeOf(result)));
     return text + "/>\n";
 }
 
@@ -289,10 +272,10 @@ std::string junitXml(const RunFacts &facts, const std::vector<CaseResult> &resul
 {
     std::string properties;
     for (const DeviceSummary::Fault &fault : facts.device.knownFaults)
-        properties += fmt::format("      <property name=\"known fault\" value=\"{}: {}\"/>\n", xml(fault.text),
-                                  xml(fault.response));
+        properties += fmt::format("      <property name=\"known fault\" value=\"{}: {}\"/>\n", markupText(fault.text),
+                                  markupText(fault.response));
     if (!facts.incomplete.empty())
-        properties += fmt::format("      <property name=\"incomplete\" value=\"{}\"/>\n", xml(facts.incomplete));
+        properties += fmt::format("      <property name=\"incomplete\" value=\"{}\"/>\n", markupText(facts.incomplete));
     if (!properties.empty())
         properties = "    <properties>\n" + properties + "    </properties>\n";
     std::string text = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites name=\"vellum check\">\n";
@@ -348,6 +331,8 @@ std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &re
             json.member("detail", result->details->text);
         if (result->details != nullptr && result->details->before != 0)
             json.member("before", result->details->before);
+        if (result->details != nullptr && !result->details->reproducer.empty())
+            json.member("reproducer", result->details->reproducer);
         json.end();
     });
     json.end();
@@ -427,6 +412,22 @@ OutputFolder::OutputFolder(std::filesystem::path path, bool force) : path_(std::
     if (error)
         throw Error(utf8Text(path_) + " cannot be written: " + error.message());
     checkFolderOf(path_ / kResultsFile);
+    if (std::filesystem::exists(path_ / kResultsFile, error))
+        removeFailures();
+}
+
+void OutputFolder::removeFailures() const
+{
+    std::error_code error;
+    std::vector<std::filesystem::path> files;
+    for (const auto &entry : std::filesystem::directory_iterator(path_ / kFailures, error))
+        if (parseCase(utf8Text(entry.path().stem())))
+            files.push_back(entry.path());
+    for (const std::filesystem::path &file : files) {
+        std::filesystem::remove(file, error);
+        if (error)
+            throw Error(utf8Text(file) + " cannot be removed: " + error.message());
+    }
 }
 
 std::string OutputFolder::writeFailure(const Finished &finished, uint64_t seed)
@@ -511,7 +512,9 @@ CaseResult caseOf(const rapidjson::Value &object, const std::filesystem::path &f
                                 object.HasMember("before") ? JsonReader::numberOf(object, "before") : 0};
     if (result.status == check::Status::Pass && details.cause.empty())
         return result;
-    if (const std::filesystem::path file = OutputFolder::reproducerIn(folder, *id); std::filesystem::exists(file))
+    // The folder may have another path now.
+    const std::filesystem::path file = OutputFolder::reproducerIn(folder, *id);
+    if (object.HasMember("reproducer") && std::filesystem::exists(file))
         details.reproducer = utf8Text(file);
     result.details = std::make_shared<CaseResult::Details>(std::move(details));
     return result;

@@ -104,8 +104,8 @@ inline constexpr const char *kResultsFile = "results.json";
 
 // deqp-runner's results.csv: name,status,seconds, by name.
 std::string resultsCsv(const std::vector<CaseResult> &results);
-// failures.csv as deqp-runner writes it: name,status of all cases that did not pass. It can be the baseline of the next
-// run.
+// failures.csv as deqp-runner writes it: name,status of unexpected results. Of a run without a baseline, it can be that
+// of the next run.
 std::string failuresCsv(const std::vector<CaseResult> &results);
 // JUnit's XML, a test suite for each group and extension.
 std::string junitXml(const RunFacts &facts, const std::vector<CaseResult> &results);
@@ -118,7 +118,8 @@ std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &r
 class OutputFolder
 {
 public:
-    // Throws Error for a folder with files that are not of an earlier run, unless `force` is set.
+    // Throws Error for a folder with files that are not of an earlier run, unless `force` is set. Removes the failures
+    // of an earlier run.
     OutputFolder(std::filesystem::path path, bool force);
 
     // Writes the reproducer of a failure and its account, for the first failures with each cause. Returns its path;
@@ -135,6 +136,8 @@ public:
     static constexpr size_t kMostReproducers = 3; // of each cause
 
 private:
+    void removeFailures() const;
+
     static constexpr size_t kMostReproducerBytes = 65000; // of a case
 
     std::filesystem::path path_;

@@ -21,6 +21,8 @@ constexpr uint64_t kBytesAlwaysAllowed = uint64_t{64} << 20;
 // Some seconds, and how often each byte of a file may be read.
 constexpr uint64_t kAlwaysRead = uint64_t{1} << 29;
 constexpr uint64_t kMostReads = 1024;
+// As how many numbers one without a buffer view counts: no byte of the file pays for what is made of it.
+constexpr uint64_t kZeroWeight = 64;
 
 } // namespace
 
@@ -189,16 +191,16 @@ AccessorReader::AccessorReader(const BufferViews &views, int index, uint32_t wan
     if (wanted != 0 && components_ != wanted)
         throw GltfError(name_ + " has the wrong type");
     const size_t packed = componentBytes(source_.componentType, name_, isExtended) * components_;
-    const auto countRead = [&] { views.countRead(uint64_t{source_.count} * components_, name_); };
+    const uint64_t numbers = uint64_t{source_.count} * components_;
     if (source_.bufferView >= 0) {
         const auto bytes = views.bytes(source_.bufferView, what_); // first: then there is such a view
         elements_ =
             elementsIn(bytes, source_.byteOffset, source_.count, strideOf(source_.bufferView, packed), packed, name_);
-        countRead();
+        views.countRead(numbers, name_);
     } else {
         if (source_.count > kMostZeros)
             throw GltfError(name_ + " has " + std::to_string(source_.count) + " elements and no buffer view");
-        countRead();
+        views.countRead(kZeroWeight * numbers, name_);
         own_.resize(source_.count * packed);
         elements_ = {own_.data(), source_.count, packed};
     }

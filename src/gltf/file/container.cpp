@@ -107,7 +107,7 @@ Container readJson(const std::filesystem::path &path)
     start.resize(file.read(start));
     if (!isGlb(start))
         return findContainer(readWholeFile(path));
-    Container container{.bytes = std::move(start), .binary = true};
+    Container container{.bytes = std::move(start), .fileBytes = file.size(), .binary = true};
     std::tie(container.jsonOffset, container.jsonSize) = checkHeader(container.bytes, file.size());
     container.bytes.resize(container.jsonOffset + container.jsonSize);
     if (file.read(std::span(container.bytes).subspan(container.jsonOffset)) != container.jsonSize)
@@ -118,7 +118,8 @@ Container readJson(const std::filesystem::path &path)
 
 Container findContainer(std::vector<uint8_t> file)
 {
-    Container container{.bytes = std::move(file)};
+    const size_t fileBytes = file.size();
+    Container container{.bytes = std::move(file), .fileBytes = fileBytes};
     const std::vector<uint8_t> &bytes = container.bytes;
     if (bytes.empty())
         throw GltfError("the file is empty");
@@ -126,7 +127,6 @@ Container findContainer(std::vector<uint8_t> file)
     container.binary = isGlb(bytes);
     if (container.binary) {
         std::tie(container.jsonOffset, container.jsonSize) = checkGlb(bytes);
-        // Bytes after the announced length belong to no chunk.
         container.bytes.resize(glbWord(bytes, 8));
     } else {
         const size_t start = std::string_view(text, bytes.size()).find_first_not_of(" \t\r\n\xef\xbb\xbf");

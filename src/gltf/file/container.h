@@ -15,8 +15,9 @@ namespace vellum
 
 // A glTF file as it is stored.
 struct Container {
-    std::vector<uint8_t> bytes;
-    bool binary = false; // a GLB
+    std::vector<uint8_t> bytes; // without those after the length that a GLB announces
+    uint64_t fileBytes = 0;     // with them
+    bool binary = false;        // a GLB
     // The JSON text.
     size_t jsonOffset = 0;
     size_t jsonSize = 0;

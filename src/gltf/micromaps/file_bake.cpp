@@ -109,7 +109,7 @@ FileBake bakeFile(const Document &document, const std::filesystem::path &output,
         if (!options.sink)
             checkPaths(document, output);
         FileBake result;
-        result.inputBytes = document.bytes().size();
+        result.inputBytes = document.fileBytes();
         result.replaced = hasMicromaps(document);
         result.replacedLoss = lossOfMicromaps(document).value_or("");
         const bool weighs = options.bake.budget || options.targetKnown;

@@ -10,7 +10,7 @@
 //   CULL_MASK=n   the cull mask is this constant instead of the ray's own
 //   BY_ADDRESS    the acceleration structure comes as a device address
 //   BUFFERS       the number of the vertex is the difference of two attributes
-//   IN_ARRAY, IN_FUNCTIONS, AGAIN, SITES, GETTERS, IN_CONDITION, CARRIED   TracePlan::Query
+//   IN_ARRAY, IN_FUNCTIONS, AGAIN, SITES, GETTERS, IN_CONDITION, CARRIED, BESIDE   TracePlan::Query
 #ifdef BY_ADDRESS
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #endif
@@ -193,6 +193,12 @@ void traceRay(uint id)
 #else
     rayQueryEXT query;
 #endif
+#ifdef BESIDE
+    // Another query, whose flags are constant: the same ray, of whose hits it confirms none.
+    rayQueryEXT other;
+    INITIALIZE(other, gl_RayFlagsNoOpaqueEXT);
+    bool otherGoesOn = true;
+#endif
 #ifdef AGAIN
     // Before that, another ray, which is not traced to its end.
     INITIALIZE(query, FLAGS(ray) ^ gl_RayFlagsTerminateOnFirstHitEXT);
@@ -236,9 +242,19 @@ void traceRay(uint id)
     INITIALIZE(QUERY, FLAGS(ray));
     while (rayQueryProceedEXT(QUERY)) {
         CANDIDATE(QUERY)
+#ifdef BESIDE
+        otherGoesOn = otherGoesOn && rayQueryProceedEXT(other);
+#endif
     }
 #endif
     COMMITTED(QUERY)
+#ifdef BESIDE
+    while (otherGoesOn)
+        otherGoesOn = rayQueryProceedEXT(other);
+    if (rayQueryGetIntersectionTypeEXT(other, true) != gl_RayQueryCommittedIntersectionNoneEXT ||
+        rayQueryGetRayFlagsEXT(other) != gl_RayFlagsNoOpaqueEXT)
+        r.frontFace |= 32u;
+#endif
 #ifdef IN_CONDITION
     if (proceeded != count + 1u)
         r.frontFace |= 32u;

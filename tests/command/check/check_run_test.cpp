@@ -152,9 +152,10 @@ TEST_F(Check, ReportsNameKnownFaultsOfTheDevice)
                                         "knownFaults in results.json\n"),
               std::string::npos)
         << check.outcome.output;
-    EXPECT_NE(textOf(folder_ / "out/junit.xml")
-                  .find("<property name=\"known fault\" value=\"rays are &lt;green&gt;: colours are not compared\"/>"),
-              std::string::npos);
+    EXPECT_NE(
+        textOf(folder_ / "out/junit.xml")
+            .find("<property name=\"known fault\" value=\"rays are &#60;green&#62;: colours are not compared\"/>"),
+        std::string::npos);
     const std::string json = textOf(folder_ / "out/results.json");
     EXPECT_NE(json.find("\"fault\": \"rays are <green>\""), std::string::npos) << json;
     EXPECT_NE(json.find("\"response\": \"colours are not compared\""), std::string::npos);
@@ -173,10 +174,14 @@ TEST_F(Check, CrashesBetweenOtherCasesLoseNoResult)
 TEST_F(Check, AFailedAssertionIsTheCause)
 {
     const CheckRun check = run({"assertion.*"}, {"--json"});
-    EXPECT_NE(check.outcome.output.find("\"Crash: " + kAbort + ": driver.c:12: draw: Assertion `false' failed.\""),
-              std::string::npos)
+    EXPECT_NE(
+        check.outcome.output.find("\"Crash: " + kAbort + ": driver.c:12: draw: Assertion `\xef\xbf\xbd' failed.\""),
+        std::string::npos)
         << check.outcome.output;
     EXPECT_NE(check.outcome.output.find("chatter"), std::string::npos);
+    const std::string junit = textOf(folder_ / "out/junit.xml");
+    EXPECT_NE(junit.find("draw: Assertion `&#65533;&#39; failed.\""), std::string::npos) << junit;
+    EXPECT_NE(junit.find("chatter&#10;driver.c"), std::string::npos) << junit;
 }
 
 TEST_F(Check, HungProcessesAreKilled)

@@ -2,6 +2,7 @@
 // `vellum check`: which cases run, what is expected of them, and replaying.
 #include <gtest/gtest.h>
 #include <regex>
+#include <set>
 
 #include "check/results.h"
 
@@ -210,6 +211,17 @@ TEST_F(CheckSelection, FailuresAreTheNextBaseline)
     EXPECT_NE(check.outcome.output.find("7 expected failures"), std::string::npos) << check.outcome.output;
 }
 
+TEST_F(CheckSelection, ImprovementsAreTheNextBaseline)
+{
+    const std::string crashes = file("crashes.csv", "khr.bad.0000,Crash\n");
+    EXPECT_EQ(run({"--filter", "khr.bad.0000", "--baseline", crashes}).outcome.exitCode, 1);
+    const std::string improved = file("improved.csv", textOf(folder_ / "out/failures.csv"));
+    EXPECT_EQ(textOf(improved), "khr.bad.0000,UnexpectedImprovement(Fail)\n");
+    const CheckRun check = run({"--filter", "khr.bad.0000", "--baseline", improved});
+    EXPECT_EQ(check.results, (Statuses{{"khr.bad.0000", "ExpectedFail"}}));
+    EXPECT_EQ(check.outcome.exitCode, 0);
+}
+
 TEST_F(CheckSelection, SkipsAndFlakes)
 {
     const std::string skips = file("skips.txt", "# too slow\nkhr.hang.*\n");
@@ -333,6 +345,42 @@ TEST_F(CheckSelection, MergedFailuresOfACause)
     EXPECT_NE(without.output.find(replayOf("khr.bad.0001")), std::string::npos) << without.output;
 }
 
+TEST_F(CheckSelection, FailuresOfAnEarlierRunGo)
+{
+    const std::vector<std::string> known = {"--filter", "khr.bad.*", "--baseline",
+                                            file("known.csv", "khr.bad.0000,Fail\n")};
+    const std::filesystem::path failures = folder_ / "out/failures";
+    const auto names = [](const std::filesystem::path &of) {
+        std::set<std::string> found;
+        for (const auto &entry : std::filesystem::directory_iterator(of))
+            found.insert(entry.path().filename().string());
+        return found;
+    };
+    run({"--filter", "khr.bad.0000"});
+    EXPECT_TRUE(std::filesystem::exists(failures / "khr.bad.0000.json"));
+    writeFile(failures / "notes.txt", "of the user");
+    run(known);
+    EXPECT_FALSE(std::filesystem::exists(failures / "khr.bad.0000.json")) << "it failed as expected";
+    EXPECT_FALSE(std::filesystem::exists(failures / "khr.bad.0000.png"));
+    EXPECT_TRUE(std::filesystem::exists(failures / "khr.bad.0001.json"));
+    EXPECT_EQ(textOf(failures / "notes.txt"), "of the user");
+    // Files of a folder without results are not those of a run: they stay, and are no reproducers.
+    const std::filesystem::path out = folder_ / "out";
+    std::filesystem::remove_all(out);
+    std::filesystem::create_directories(failures);
+    writeFile(failures / "khr.bad.0000.json", "of another program");
+    std::vector<std::string> forced = known;
+    forced.emplace_back("--force");
+    run(forced);
+    EXPECT_EQ(textOf(failures / "khr.bad.0000.json"), "of another program");
+    runVellum({"check", "--merge", out.string(), "--output", (folder_ / "all").string()});
+    std::set<std::string> copied;
+    for (const char *number : {"1", "2", "3"})
+        for (const char *suffix : {"json", "png", "txt"})
+            copied.insert(std::string("khr.bad.000") + number + "." + suffix);
+    EXPECT_EQ(names(folder_ / "all/failures"), copied);
+}
+
 TEST_F(CheckSelection, NewCasesInABaseline)
 {
     const std::string baseline = file("fails.txt", "khr.good.0123,Pass\n");
@@ -440,6 +488,38 @@ TEST_F(CheckSelection, MergingTakesNoOptionOfRuns)
         EXPECT_EQ(outcome.exitCode, 2) << option;
         EXPECT_EQ(outcome.errors, "vellum: --merge runs no cases, so it takes no " + option + "\n");
     }
+}
+
+TEST_F(CheckSelection, ReplayingTakesNoOptionOfRuns)
+{
+    run({"--filter", "khr.bad.0000"});
+    const std::string failure = (folder_ / "out/failures/khr.bad.0000.json").string();
+    const std::vector<std::vector<std::string>> wrong = {
+        {"--json"},
+        {"--list"},
+        {"--groups"},
+        {"--quick"},
+        {"--fail-on-flake"},
+        {"--junit", (folder_ / "a.xml").string()},
+        {"--results", (folder_ / "a.csv").string()},
+        {"--output", (folder_ / "other").string()},
+        {"--baseline", file("a", "")},
+        {"--skips", file("b", "")},
+        {"--flakes", file("c", "")},
+        {"--seed", "2"},
+        {"--shard", "1/2"},
+        {"--api", "ext"},
+    };
+    for (std::vector<std::string> words : wrong) {
+        const std::string option = words.front();
+        words.insert(words.begin(), {"check", "--replay", failure});
+        const Outcome outcome = runVellum(words);
+        EXPECT_EQ(outcome.exitCode, 2) << option;
+        EXPECT_EQ(outcome.errors, "vellum: --replay runs one case, so it takes no " + option + "\n");
+    }
+    const Outcome outcome =
+        runVellum({"check", "--replay", failure, "--no-layer", "--device", "fake", "--timeout", "9"});
+    EXPECT_EQ(outcome.exitCode, 1) << outcome.errors;
 }
 
 TEST_F(CheckSelection, OtherFilesStay)

@@ -82,7 +82,7 @@ Outcome crash(Session &, std::string_view, uint64_t)
 
 Outcome assertion(Session &, std::string_view, uint64_t)
 {
-    std::fputs("chatter\ndriver.c:12: draw: Assertion `false' failed.\n", stderr);
+    std::fputs("chatter\ndriver.c:12: draw: Assertion `\xff' failed.\n", stderr);
     std::abort();
 }
 
