@@ -156,6 +156,8 @@ TEST(AddressMemory, Rules)
               "a range exceeds its buffer");
     EXPECT_EQ(broken(CommandKind::Copy, {{.size = 2, .from = 1, .fromOffset = 63}}), "reads more than the buffer has");
     EXPECT_EQ(broken(CommandKind::Copy, {{.buffer = 2}}), "a buffer does not exist");
+    EXPECT_EQ(broken(CommandKind::Copy, {{.size = 0, .from = 1, .fromOffset = 63}}), "");
+    EXPECT_EQ(broken(CommandKind::Copy, {{.size = 0, .from = 1, .fromOffset = 64}}), "an address is behind its buffer");
     EXPECT_EQ(broken(CommandKind::Copy, {}), "has no region, or too many");
     // A source must not be in a target's range, or in another source.
     const char *const overlap = "a range that is read overlaps another one";

@@ -126,6 +126,10 @@ std::string brokenRegionRule(const AddressPlan &plan, const AddressCommand &comm
     if (region.buffer >= plan.buffers.size() ||
         (command.kind == CommandKind::Copy && region.from >= plan.buffers.size()))
         return "a buffer does not exist";
+    // VUID-VkDeviceAddress-size-11364, also of an empty range
+    if (region.offset >= plan.buffers[region.buffer] ||
+        (command.kind == CommandKind::Copy && region.fromOffset >= plan.buffers[region.from]))
+        return "an address is behind its buffer";
     if (usesImage(command)) {
         if (std::string broken = brokenImageRule(plan, region); !broken.empty())
             return broken;

@@ -13,12 +13,12 @@ namespace vellum::check
 namespace
 {
 
-using CommandKind = AddressCommand::Kind;
+using AddressKind = AddressCommand::Kind;
 
-class Plan
+class PlanMaker
 {
 public:
-    explicit Plan(Random &random) : random_(random)
+    explicit PlanMaker(Random &random) : random_(random)
     {
         for (uint32_t i = 1 + below(random, 4); i > 0; --i)
             plan_.buffers.push_back(bufferSize());
@@ -36,9 +36,9 @@ public:
 
     AddressPlan make()
     {
-        constexpr std::array kinds{CommandKind::Copy,          CommandKind::Copy,        CommandKind::Copy,
-                                   CommandKind::CopyToImage,   CommandKind::CopyToImage, CommandKind::CopyFromImage,
-                                   CommandKind::CopyFromImage, CommandKind::Update,      CommandKind::Fill};
+        constexpr std::array kinds{AddressKind::Copy,          AddressKind::Copy,        AddressKind::Copy,
+                                   AddressKind::CopyToImage,   AddressKind::CopyToImage, AddressKind::CopyFromImage,
+                                   AddressKind::CopyFromImage, AddressKind::Update,      AddressKind::Fill};
         for (uint32_t i = 4 + below(random_, 9); i > 0; --i) {
             AddressCommand command = randomCommand(kinds[below(random_, kinds.size())]);
             if (!command.regions.empty())
@@ -66,12 +66,12 @@ private:
     }
     uint32_t anyBuffer() { return below(random_, static_cast<uint32_t>(plan_.buffers.size())); }
 
-    AddressCommand randomCommand(CommandKind kind)
+    AddressCommand randomCommand(AddressKind kind)
     {
         AddressCommand command{.kind = kind, .fullyBound = chance(random_, 40)};
-        if (kind == CommandKind::Update || kind == CommandKind::Fill)
+        if (kind == AddressKind::Update || kind == AddressKind::Fill)
             command.value = static_cast<uint32_t>(random_());
-        const bool several = kind != CommandKind::Update && kind != CommandKind::Fill;
+        const bool several = kind != AddressKind::Update && kind != AddressKind::Fill;
         const uint32_t count = several && chance(random_, 70) ? 2 + below(random_, 6) : 1;
         // Those that the ones before it, or the sizes of the buffers, forbid are tried again.
         for (uint32_t tries = 12 * count; tries > 0 && command.regions.size() < count; --tries) {
@@ -82,24 +82,24 @@ private:
         return command;
     }
 
-    AddressRegion randomRegion(CommandKind kind)
+    AddressRegion randomRegion(AddressKind kind)
     {
         AddressRegion region{.buffer = anyBuffer()};
         const uint32_t size = plan_.buffers[region.buffer];
         switch (kind) {
-        case CommandKind::Copy:
+        case AddressKind::Copy:
             region.from = anyBuffer();
             region.size = amount(80, std::min(size, plan_.buffers[region.from]));
             region.spare = chance(random_, 50) ? amount(40, size - region.size) : 0;
             region.fromOffset = place(region.size, plan_.buffers[region.from], 1);
             region.offset = place(region.size + region.spare, size, 1);
             return region;
-        case CommandKind::Update:
+        case AddressKind::Update:
             region.size = chance(random_, 20) ? 65536 : 4 + 4 * amount(30, std::min(size / 4, 16383u));
             region.spare = chance(random_, 40) ? below(random_, 30) : 0;
             region.offset = place(region.size + region.spare, size, 4);
             return region;
-        case CommandKind::Fill:
+        case AddressKind::Fill:
             region.size = chance(random_, 15) ? size / 4 * 4 : 4 * amount(30, size / 4);
             region.offset = place(region.size, size, 4);
             return region;
@@ -170,7 +170,7 @@ constexpr std::array kAddressGroups{
 
 AddressPlan randomAddressCopies(Random &random)
 {
-    return Plan(random).make();
+    return PlanMaker(random).make();
 }
 
 std::span<const Group> addressGroups()
