@@ -567,7 +567,7 @@ TEST(DocumentBake, ReadsAnImageOnceForAllMaterials)
     }
 }
 
-// Primitives that share their indices, which take no bytes at all.
+// Primitives that share their indices.
 TEST(DocumentBake, TakesNoMoreTrianglesThanAFileCanHave)
 {
     std::string primitives;
@@ -575,11 +575,14 @@ TEST(DocumentBake, TakesNoMoreTrianglesThanAFileCanHave)
         primitives +=
             std::string(i == 0 ? "" : ", ") + R"({"attributes": {"POSITION": 0}, "indices": 1, "material": 0})";
     const std::string json = R"({"asset": {"version": "2.0"}, "materials": [{"alphaMode": "MASK"}], "accessors": [
-        {"componentType": 5126, "count": 3, "type": "VEC3"}, {"componentType": 5125, "count": 4194303, "type": "SCALAR"}],
+        {"componentType": 5126, "count": 3, "type": "VEC3"},
+        {"bufferView": 0, "componentType": 5121, "count": 4194303, "type": "SCALAR"}],
+        "buffers": [{"uri": "test.bin", "byteLength": 4194303}], "bufferViews": [{"buffer": 0, "byteLength": 4194303}],
         "meshes": [{"primitives": [)" +
                              primitives + "]}]}";
     const TemporaryFolder folder;
     writeFile(folder / "test.gltf", {json.begin(), json.end()});
+    writeFile(folder / "test.bin", std::vector<uint8_t>(4194303));
     try {
         bakeDocument(Document(folder / "test.gltf"), optionsOf());
         ADD_FAILURE();

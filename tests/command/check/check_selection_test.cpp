@@ -374,11 +374,10 @@ TEST_F(CheckSelection, FailuresOfAnEarlierRunGo)
     run(forced);
     EXPECT_EQ(textOf(failures / "khr.bad.0000.json"), "of another program");
     runVellum({"check", "--merge", out.string(), "--output", (folder_ / "all").string()});
-    std::set<std::string> copied;
-    for (const char *number : {"1", "2", "3"})
-        for (const char *suffix : {"json", "png", "txt"})
-            copied.insert(std::string("khr.bad.000") + number + "." + suffix);
-    EXPECT_EQ(names(folder_ / "all/failures"), copied);
+    std::set<std::string> written = names(failures); // of the three cases of the cause that failed first
+    written.erase("khr.bad.0000.json");
+    EXPECT_EQ(written.size(), 9u);
+    EXPECT_EQ(names(folder_ / "all/failures"), written);
 }
 
 TEST_F(CheckSelection, NewCasesInABaseline)
