@@ -62,6 +62,22 @@ Buffer::~Buffer()
     gpu_->deviceMemory().free(piece_);
 }
 
+// Delegates, so that the destructor also runs where this throws.
+DeviceImage::DeviceImage(Device &gpu, const VkImageCreateInfo &info) : DeviceImage(gpu)
+{
+    CHECK_VK(vkCreateImage(gpu.device(), &info, nullptr, &image_));
+    VkMemoryRequirements needs;
+    vkGetImageMemoryRequirements(gpu.device(), image_, &needs);
+    memory_ = gpu.allocate(needs, 0, false);
+    CHECK_VK(vkBindImageMemory(gpu.device(), image_, memory_, 0));
+}
+
+DeviceImage::~DeviceImage()
+{
+    vkDestroyImage(gpu_.device(), image_, nullptr);
+    vkFreeMemory(gpu_.device(), memory_, nullptr);
+}
+
 void Buffer::swap(Buffer &other) noexcept
 {
     std::swap(gpu_, other.gpu_);

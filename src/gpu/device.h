@@ -216,6 +216,24 @@ private:
 };
 
 // A pool of queries, used as the handle it is.
+// An image with memory of its own.
+class DeviceImage
+{
+public:
+    DeviceImage(Device &gpu, const VkImageCreateInfo &info);
+    DeviceImage(const DeviceImage &) = delete;
+    DeviceImage &operator=(const DeviceImage &) = delete;
+    ~DeviceImage();
+    [[nodiscard]] VkImage handle() const { return image_; }
+
+private:
+    explicit DeviceImage(Device &gpu) : gpu_(gpu) {}
+
+    Device &gpu_;
+    VkImage image_ = VK_NULL_HANDLE;
+    VkDeviceMemory memory_ = VK_NULL_HANDLE;
+};
+
 class QueryPool
 {
 public:

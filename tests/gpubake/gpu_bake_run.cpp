@@ -35,7 +35,7 @@ AlphaImage::AlphaImage(Gpu &gpu, std::span<const vellum::AlphaTexture> levels, F
     info_.filter = first.filter == vellum::Filter::Nearest ? VK_FILTER_NEAREST : VK_FILTER_LINEAR;
     info_.border = first.border;
 
-    auto image =
+    const auto image =
         vkInit<VkImageCreateInfo>({.imageType = VK_IMAGE_TYPE_2D,
                                    .format = format == Format::Float ? VK_FORMAT_R32_SFLOAT : VK_FORMAT_R8G8B8A8_UNORM,
                                    .extent = {first.width, first.height, 1},
@@ -44,13 +44,7 @@ AlphaImage::AlphaImage(Gpu &gpu, std::span<const vellum::AlphaTexture> levels, F
                                    .samples = VK_SAMPLE_COUNT_1_BIT,
                                    .tiling = VK_IMAGE_TILING_OPTIMAL,
                                    .usage = VK_IMAGE_USAGE_SAMPLED_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT});
-    VT_CHECK(vkCreateImage(gpu.device(), &image, nullptr, &image_));
-    VkMemoryRequirements needs;
-    vkGetImageMemoryRequirements(gpu.device(), image_, &needs);
-    const auto allocation = vkInit<VkMemoryAllocateInfo>(
-        {.allocationSize = needs.size, .memoryTypeIndex = gpu.memoryType(needs.memoryTypeBits, 0)});
-    VT_CHECK(vkAllocateMemory(gpu.device(), &allocation, nullptr, &memory_));
-    VT_CHECK(vkBindImageMemory(gpu.device(), image_, memory_, 0));
+    image_.emplace(gpu, image);
     upload(levels, format, image.format);
 }
 
@@ -83,11 +77,11 @@ void AlphaImage::upload(std::span<const vellum::AlphaTexture> levels, Format for
         auto barrier = vkInit<VkImageMemoryBarrier>(
             {.dstAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT, .newLayout = VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL});
         barrier.srcQueueFamilyIndex = barrier.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
-        barrier.image = image_;
+        barrier.image = image_->handle();
         barrier.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, VK_REMAINING_MIP_LEVELS, 0, 1};
         vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TOP_OF_PIPE_BIT, VK_PIPELINE_STAGE_TRANSFER_BIT, 0, 0, nullptr,
                              0, nullptr, 1, &barrier);
-        vkCmdCopyBufferToImage(commands, staging.handle(), image_, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL,
+        vkCmdCopyBufferToImage(commands, staging.handle(), image_->handle(), VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL,
                                static_cast<uint32_t>(regions.size()), regions.data());
         barrier.srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT;
         barrier.dstAccessMask = VK_ACCESS_SHADER_READ_BIT;
@@ -97,7 +91,7 @@ void AlphaImage::upload(std::span<const vellum::AlphaTexture> levels, Format for
                              nullptr, 0, nullptr, 1, &barrier);
     });
     auto view = vkInit<VkImageViewCreateInfo>(
-        {.image = image_,
+        {.image = image_->handle(),
          .viewType = VK_IMAGE_VIEW_TYPE_2D,
          .format = texels,
          .subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, VK_REMAINING_MIP_LEVELS, 0, 1}});
@@ -107,8 +101,6 @@ void AlphaImage::upload(std::span<const vellum::AlphaTexture> levels, Format for
 AlphaImage::~AlphaImage()
 {
     vkDestroyImageView(gpu_.device(), info_.view, nullptr);
-    vkDestroyImage(gpu_.device(), image_, nullptr);
-    vkFreeMemory(gpu_.device(), memory_, nullptr);
 }
 
 Mesh Mesh::of(std::span<const vellum::TriangleUvs> triangles)

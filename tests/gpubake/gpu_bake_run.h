@@ -32,8 +32,7 @@ private:
     void upload(std::span<const vellum::AlphaTexture> levels, Format format, VkFormat texels);
 
     Gpu &gpu_;
-    VkImage image_ = VK_NULL_HANDLE;
-    VkDeviceMemory memory_ = VK_NULL_HANDLE;
+    std::optional<DeviceImage> image_;
     vellum::GpuAlphaInfo info_;
 };
 

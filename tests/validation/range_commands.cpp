@@ -12,45 +12,28 @@ constexpr VkBufferUsageFlags kAddress = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BI
 struct Others {
     std::unique_ptr<RangeBuffer> source, target, indirect;
     QueryPool queries;
-    VkImage image = VK_NULL_HANDLE;
-    VkDeviceMemory memory = VK_NULL_HANDLE;
-    Gpu *gpu = nullptr;
+    std::unique_ptr<DeviceImage> image;
 
-    Others() = default;
-    Others(const Others &) = delete;
-    Others &operator=(const Others &) = delete;
-    ~Others()
-    {
-        if (gpu == nullptr)
-            return;
-        vkDestroyImage(gpu->device(), image, nullptr);
-        vkFreeMemory(gpu->device(), memory, nullptr);
-    }
     void make(Gpu &owner)
     {
-        gpu = &owner;
         source = std::make_unique<RangeBuffer>(owner, VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
         target = std::make_unique<RangeBuffer>(owner, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
         indirect = std::make_unique<RangeBuffer>(owner, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT);
         queries = QueryPool(owner, VK_QUERY_TYPE_TIMESTAMP, 4);
-        auto info =
+        image = std::make_unique<DeviceImage>(
+            owner,
             vkInit<VkImageCreateInfo>({.imageType = VK_IMAGE_TYPE_2D,
                                        .format = VK_FORMAT_R32_UINT,
                                        .extent = {4, 4, 1},
                                        .mipLevels = 1,
                                        .arrayLayers = 1,
                                        .samples = VK_SAMPLE_COUNT_1_BIT,
-                                       .usage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT});
-        VT_CHECK(vkCreateImage(owner.device(), &info, nullptr, &image));
-        VkMemoryRequirements needs;
-        vkGetImageMemoryRequirements(owner.device(), image, &needs);
-        memory = owner.allocate(needs, 0, false);
-        VT_CHECK(vkBindImageMemory(owner.device(), image, memory, 0));
+                                       .usage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT}));
     }
     static std::shared_ptr<Others> of(Gpu &gpu)
     {
         auto others = gpu.kept<Others>();
-        if (others->gpu == nullptr)
+        if (!others->image)
             others->make(gpu);
         return others;
     }
@@ -92,7 +75,7 @@ void copyImage(Gpu &gpu, VkCommandBuffer commands, const Range &range, Flags fla
                                                             .imageLayout = VK_IMAGE_LAYOUT_GENERAL,
                                                             .imageExtent = {4, 4, 1}});
     const auto info = vkInit<VkCopyDeviceMemoryImageInfoKHR>(
-        {.image = Others::of(gpu)->image, .regionCount = 1, .pRegions = &region});
+        {.image = Others::of(gpu)->image->handle(), .regionCount = 1, .pRegions = &region});
     toMemory ? gpu.vk().CmdCopyImageToMemoryKHR(commands, &info) : gpu.vk().CmdCopyMemoryToImageKHR(commands, &info);
 }
 

@@ -286,21 +286,15 @@ struct ImageCopy {
 // Copies 4 by 4 texels.
 void copyImage(Gpu &gpu, const ImageCopy &copy)
 {
-    const auto imageInfo =
-        vkInit<VkImageCreateInfo>({.flags = copy.flags,
-                                   .imageType = VK_IMAGE_TYPE_2D,
-                                   .format = copy.format,
-                                   .extent = {8, 8, 1},
-                                   .mipLevels = 1,
-                                   .arrayLayers = 1,
-                                   .samples = VK_SAMPLE_COUNT_1_BIT,
-                                   .usage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT});
-    VkImage image = VK_NULL_HANDLE;
-    VT_CHECK(vkCreateImage(gpu.device(), &imageInfo, nullptr, &image));
-    VkMemoryRequirements needs;
-    vkGetImageMemoryRequirements(gpu.device(), image, &needs);
-    const VkDeviceMemory memory = gpu.allocate(needs, 0, false);
-    VT_CHECK(vkBindImageMemory(gpu.device(), image, memory, 0));
+    const DeviceImage image(
+        gpu, vkInit<VkImageCreateInfo>({.flags = copy.flags,
+                                        .imageType = VK_IMAGE_TYPE_2D,
+                                        .format = copy.format,
+                                        .extent = {8, 8, 1},
+                                        .mipLevels = 1,
+                                        .arrayLayers = 1,
+                                        .samples = VK_SAMPLE_COUNT_1_BIT,
+                                        .usage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT}));
     const RangeBuffer buffer(gpu, kTransfers);
     std::vector regions{vkInit<VkDeviceMemoryImageCopyKHR>({.addressRange = {buffer.address() + copy.offset, 256},
                                                             .addressFlags = kUnknownUsage,
@@ -314,7 +308,7 @@ void copyImage(Gpu &gpu, const ImageCopy &copy)
         regions[1].imageOffset = {4, 0, 0};
     }
     const auto info = vkInit<VkCopyDeviceMemoryImageInfoKHR>(
-        {.image = image, .regionCount = static_cast<uint32_t>(regions.size()), .pRegions = regions.data()});
+        {.image = image.handle(), .regionCount = static_cast<uint32_t>(regions.size()), .pRegions = regions.data()});
     recordOnly(
         gpu,
         [&](VkCommandBuffer commands) {
@@ -322,8 +316,6 @@ void copyImage(Gpu &gpu, const ImageCopy &copy)
                           : gpu.vk().CmdCopyMemoryToImageKHR(commands, &info);
         },
         false, copy.family);
-    vkDestroyImage(gpu.device(), image, nullptr);
-    vkFreeMemory(gpu.device(), memory, nullptr);
 }
 
 template <bool toMemory>

@@ -21,31 +21,20 @@ VkImageSubresourceRange wholeOf(const AddressPlan &plan)
 class PlanImage
 {
 public:
-    PlanImage(Device &gpu, const AddressPlan &plan) : gpu_(gpu), plan_(plan)
+    PlanImage(Device &gpu, const AddressPlan &plan)
+        : gpu_(gpu), plan_(plan),
+          image_(gpu, vkInit<VkImageCreateInfo>({.imageType = plan.volume ? VK_IMAGE_TYPE_3D : VK_IMAGE_TYPE_2D,
+                                                 .format = plan.format,
+                                                 .extent = extentOf(plan, 0),
+                                                 .mipLevels = plan.levels,
+                                                 .arrayLayers = plan.layers,
+                                                 .samples = VK_SAMPLE_COUNT_1_BIT,
+                                                 .usage = kUsage}))
     {
-        auto info = vkInit<VkImageCreateInfo>({.imageType = plan.volume ? VK_IMAGE_TYPE_3D : VK_IMAGE_TYPE_2D,
-                                               .format = plan.format,
-                                               .extent = extentOf(plan, 0),
-                                               .mipLevels = plan.levels,
-                                               .arrayLayers = plan.layers,
-                                               .samples = VK_SAMPLE_COUNT_1_BIT,
-                                               .usage = kUsage});
-        CHECK_VK(vkCreateImage(gpu.device(), &info, nullptr, &image_));
-        VkMemoryRequirements needs;
-        vkGetImageMemoryRequirements(gpu.device(), image_, &needs);
-        memory_ = gpu.allocate(needs, 0, false);
-        CHECK_VK(vkBindImageMemory(gpu.device(), image_, memory_, 0));
-    }
-    PlanImage(const PlanImage &) = delete;
-    PlanImage &operator=(const PlanImage &) = delete;
-    ~PlanImage()
-    {
-        vkDestroyImage(gpu_.device(), image_, nullptr);
-        vkFreeMemory(gpu_.device(), memory_, nullptr);
     }
     static constexpr VkImageUsageFlags kUsage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT;
 
-    [[nodiscard]] VkImage handle() const { return image_; }
+    [[nodiscard]] VkImage handle() const { return image_.handle(); }
     void transition(VkCommandBuffer commands, VkImageLayout to)
     {
         const auto change =
@@ -55,7 +44,7 @@ public:
                                           .newLayout = to,
                                           .srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
                                           .dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
-                                          .image = image_,
+                                          .image = handle(),
                                           .subresourceRange = wholeOf(plan_)});
         vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, 0,
                              nullptr, 0, nullptr, 1, &change);
@@ -69,7 +58,7 @@ public:
         gpu_.submit([&](VkCommandBuffer commands) {
             transition(commands, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL);
             const std::vector<VkBufferImageCopy> regions = allLevels();
-            vkCmdCopyBufferToImage(commands, staging.handle(), image_, layout_, plan_.levels, regions.data());
+            vkCmdCopyBufferToImage(commands, staging.handle(), handle(), layout_, plan_.levels, regions.data());
             transition(commands, VK_IMAGE_LAYOUT_GENERAL);
         });
     }
@@ -79,7 +68,7 @@ public:
         gpu_.submit([&](VkCommandBuffer commands) {
             transition(commands, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL);
             const std::vector<VkBufferImageCopy> regions = allLevels();
-            vkCmdCopyImageToBuffer(commands, image_, layout_, staging.handle(), plan_.levels, regions.data());
+            vkCmdCopyImageToBuffer(commands, handle(), layout_, staging.handle(), plan_.levels, regions.data());
             transition(commands, VK_IMAGE_LAYOUT_GENERAL);
             barrier(commands);
         });
@@ -99,8 +88,7 @@ private:
 
     Device &gpu_;
     const AddressPlan &plan_;
-    VkImage image_ = VK_NULL_HANDLE;
-    VkDeviceMemory memory_ = VK_NULL_HANDLE;
+    DeviceImage image_;
     VkImageLayout layout_ = VK_IMAGE_LAYOUT_UNDEFINED;
 };
 

@@ -17,30 +17,23 @@ constexpr std::array<uint32_t, 2> kVertexStrides{4, 12};
 
 } // namespace
 
-RowImage::RowImage(Device &gpu, VkFormat format, uint32_t width, VkImageUsageFlags usage) : gpu_(gpu)
+RowImage::RowImage(Device &gpu, VkFormat format, uint32_t width, VkImageUsageFlags usage)
+    : gpu_(gpu), image_(gpu, vkInit<VkImageCreateInfo>({.imageType = VK_IMAGE_TYPE_2D,
+                                                        .format = format,
+                                                        .extent = {width, 1, 1},
+                                                        .mipLevels = 1,
+                                                        .arrayLayers = 1,
+                                                        .samples = VK_SAMPLE_COUNT_1_BIT,
+                                                        .usage = usage}))
 {
-    const VkDevice device = gpu.device();
-    auto image = vkInit<VkImageCreateInfo>({.imageType = VK_IMAGE_TYPE_2D, .format = format, .extent = {width, 1, 1}});
-    image.mipLevels = image.arrayLayers = 1;
-    image.samples = VK_SAMPLE_COUNT_1_BIT;
-    image.usage = usage;
-    CHECK_VK(vkCreateImage(device, &image, nullptr, &image_));
-    VkMemoryRequirements needs;
-    vkGetImageMemoryRequirements(device, image_, &needs);
-    auto allocation = vkInit<VkMemoryAllocateInfo>(
-        {.allocationSize = needs.size, .memoryTypeIndex = gpu.memoryType(needs.memoryTypeBits, 0)});
-    CHECK_VK(vkAllocateMemory(device, &allocation, nullptr, &memory_));
-    CHECK_VK(vkBindImageMemory(device, image_, memory_, 0));
     auto view = vkInit<VkImageViewCreateInfo>(
-        {.image = image_, .viewType = VK_IMAGE_VIEW_TYPE_2D, .format = format, .subresourceRange = kAll});
-    CHECK_VK(vkCreateImageView(device, &view, nullptr, &view_));
+        {.image = image_.handle(), .viewType = VK_IMAGE_VIEW_TYPE_2D, .format = format, .subresourceRange = kAll});
+    CHECK_VK(vkCreateImageView(gpu.device(), &view, nullptr, &view_));
 }
 
 RowImage::~RowImage()
 {
     vkDestroyImageView(gpu_.device(), view_, nullptr);
-    vkDestroyImage(gpu_.device(), image_, nullptr);
-    vkFreeMemory(gpu_.device(), memory_, nullptr);
 }
 
 RowState::RowState(VkFormat colorFormat, uint32_t width)

@@ -17,15 +17,14 @@ public:
     RowImage(const RowImage &) = delete;
     RowImage &operator=(const RowImage &) = delete;
     ~RowImage();
-    [[nodiscard]] VkImage handle() const { return image_; }
+    [[nodiscard]] VkImage handle() const { return image_.handle(); }
     [[nodiscard]] VkImageView view() const { return view_; }
 
     static constexpr VkImageSubresourceRange kAll{VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
 
 private:
     Device &gpu_;
-    VkImage image_ = VK_NULL_HANDLE;
-    VkDeviceMemory memory_ = VK_NULL_HANDLE;
+    DeviceImage image_;
     VkImageView view_ = VK_NULL_HANDLE;
 };
 

@@ -227,30 +227,16 @@ constexpr uint32_t kWidth = 8, kHeight = 4, kLayers = 3;
 class Image
 {
 public:
-    explicit Image(Gpu &gpu) : gpu_(gpu)
+    explicit Image(Gpu &gpu)
+        : image_(gpu, vkInit<VkImageCreateInfo>(
+                          {.imageType = VK_IMAGE_TYPE_2D,
+                           .format = VK_FORMAT_R32_UINT,
+                           .extent = {kWidth, kHeight, 1},
+                           .mipLevels = 1,
+                           .arrayLayers = kLayers,
+                           .samples = VK_SAMPLE_COUNT_1_BIT,
+                           .usage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT}))
     {
-        auto info =
-            vkInit<VkImageCreateInfo>({.imageType = VK_IMAGE_TYPE_2D,
-                                       .format = VK_FORMAT_R32_UINT,
-                                       .extent = {kWidth, kHeight, 1},
-                                       .mipLevels = 1,
-                                       .arrayLayers = kLayers,
-                                       .samples = VK_SAMPLE_COUNT_1_BIT,
-                                       .usage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT});
-        VT_CHECK(vkCreateImage(gpu.device(), &info, nullptr, &image_));
-        VkMemoryRequirements needs;
-        vkGetImageMemoryRequirements(gpu.device(), image_, &needs);
-        auto allocation = vkInit<VkMemoryAllocateInfo>(
-            {.allocationSize = needs.size, .memoryTypeIndex = gpu.memoryType(needs.memoryTypeBits, 0)});
-        VT_CHECK(vkAllocateMemory(gpu.device(), &allocation, nullptr, &memory_));
-        VT_CHECK(vkBindImageMemory(gpu.device(), image_, memory_, 0));
-    }
-    Image(const Image &) = delete;
-    Image &operator=(const Image &) = delete;
-    ~Image()
-    {
-        vkDestroyImage(gpu_.device(), image_, nullptr);
-        vkFreeMemory(gpu_.device(), memory_, nullptr);
     }
     // Image layer `layer` is in VK_IMAGE_LAYOUT_GENERAL, the others are in `optimal`.
     static VkImageLayout layoutOf(uint32_t layer, VkImageLayout optimal)
@@ -269,19 +255,17 @@ public:
             b.oldLayout = before == VK_IMAGE_LAYOUT_UNDEFINED ? before : layoutOf(i, before);
             b.newLayout = layoutOf(i, after);
             b.srcQueueFamilyIndex = b.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
-            b.image = image_;
+            b.image = handle();
             b.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, i, 1};
         }
         auto info =
             vkInit<VkDependencyInfo>({.imageMemoryBarrierCount = kLayers, .pImageMemoryBarriers = barriers.data()});
         vkCmdPipelineBarrier2(commands, &info);
     }
-    [[nodiscard]] VkImage handle() const { return image_; }
+    [[nodiscard]] VkImage handle() const { return image_.handle(); }
 
 private:
-    Gpu &gpu_;
-    VkImage image_ = VK_NULL_HANDLE;
-    VkDeviceMemory memory_ = VK_NULL_HANDLE;
+    DeviceImage image_;
 };
 
 class AddressImageCopies : public AddressTest

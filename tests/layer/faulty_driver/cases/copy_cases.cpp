@@ -191,20 +191,14 @@ std::string copiedMemory(Gpu &gpu)
 // Copies an image of two rows of two bytes to rows of three.
 std::string copiedImage(Gpu &gpu)
 {
-    auto create =
-        vkInit<VkImageCreateInfo>({.imageType = VK_IMAGE_TYPE_2D,
-                                   .format = VK_FORMAT_R8_UINT,
-                                   .extent = {2, 2, 1},
-                                   .mipLevels = 1,
-                                   .arrayLayers = 1,
-                                   .samples = VK_SAMPLE_COUNT_1_BIT,
-                                   .usage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT});
-    VkImage image = VK_NULL_HANDLE;
-    VT_CHECK(vkCreateImage(gpu.device(), &create, nullptr, &image));
-    VkMemoryRequirements needs;
-    vkGetImageMemoryRequirements(gpu.device(), image, &needs);
-    const VkDeviceMemory memory = gpu.allocate(needs, 0, false);
-    VT_CHECK(vkBindImageMemory(gpu.device(), image, memory, 0));
+    const DeviceImage image(
+        gpu, vkInit<VkImageCreateInfo>({.imageType = VK_IMAGE_TYPE_2D,
+                                        .format = VK_FORMAT_R8_UINT,
+                                        .extent = {2, 2, 1},
+                                        .mipLevels = 1,
+                                        .arrayLayers = 1,
+                                        .samples = VK_SAMPLE_COUNT_1_BIT,
+                                        .usage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT}));
     const Buffer from(gpu, 4, kCopied), to(gpu, 6, kCopied);
     std::memcpy(from.bytes(), "abcd", 4);
     std::memcpy(to.bytes(), "------", 6);
@@ -215,22 +209,21 @@ std::string copiedImage(Gpu &gpu)
                                                          .imageSubresource = in.imageSubresource,
                                                          .imageLayout = VK_IMAGE_LAYOUT_GENERAL,
                                                          .imageExtent = in.imageExtent});
-    const auto info = vkInit<VkCopyDeviceMemoryImageInfoKHR>({.image = image, .regionCount = 1, .pRegions = &out});
+    const auto info =
+        vkInit<VkCopyDeviceMemoryImageInfoKHR>({.image = image.handle(), .regionCount = 1, .pRegions = &out});
     gpu.submit([&](VkCommandBuffer commands) {
         const auto toGeneral =
             vkInit<VkImageMemoryBarrier>({.dstAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT,
                                           .newLayout = VK_IMAGE_LAYOUT_GENERAL,
-                                          .image = image,
+                                          .image = image.handle(),
                                           .subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1}});
         vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, 0,
                              nullptr, 0, nullptr, 1, &toGeneral);
-        vkCmdCopyBufferToImage(commands, from.handle(), image, VK_IMAGE_LAYOUT_GENERAL, 1, &in);
+        vkCmdCopyBufferToImage(commands, from.handle(), image.handle(), VK_IMAGE_LAYOUT_GENERAL, 1, &in);
         barrier(commands);
         gpu.vk().CmdCopyImageToMemoryKHR(commands, &info);
         barrier(commands);
     });
-    vkDestroyImage(gpu.device(), image, nullptr);
-    vkFreeMemory(gpu.device(), memory, nullptr);
     return {to.bytes(), to.bytes() + 6};
 }
 
