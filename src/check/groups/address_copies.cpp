@@ -148,8 +148,7 @@ Case addressCopies(Random &random, const DeviceLimits &limits)
     c.build.secondary = chance(random, 40);
     c.build.twice = chance(random, 40);
     c.build.rerecorded = chance(random, 25);
-    if (!limits.has(Fault::ConditionalBuilds) && chance(random, 20))
-        c.build.conditional = static_cast<Conditional>(1 + below(random, limits.addressCommands() ? 4 : 2));
+    makeConditional(random, c, limits, 20);
     c.addressCopies = randomAddressCopies(random);
     return c;
 }

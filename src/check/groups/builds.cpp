@@ -270,8 +270,7 @@ Case state(Random &random, const DeviceLimits &limits)
 {
     using Kind = Step::Kind;
     Case c{.scene = makeScene(random, smallScene(limits), limits)};
-    if (!limits.has(Fault::ConditionalBuilds) && chance(random, 50))
-        c.build.conditional = static_cast<Conditional>(1 + below(random, limits.addressCommands() ? 4 : 2));
+    makeConditional(random, c, limits, 50);
     c.build.single = chance(random, 60);
     c.build.backwards = c.build.single && chance(random, 30);
     c.trace.boundFirst = true;

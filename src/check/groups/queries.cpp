@@ -19,8 +19,7 @@ using Of = QueryTarget::Of;
 std::vector<QueryTarget> targetsOf(const oracle::Scene &scene, Property property, bool structures, bool micromaps,
                                    const DeviceLimits &limits)
 {
-    const bool rejected = property == Property::SerializationSize && limits.api == Api::Khr &&
-                          limits.has(Fault::LayerSerializedStructures);
+    const bool rejected = property == Property::SerializationSize && !limits.serializesMicromaps();
     std::vector<QueryTarget> targets;
     if (structures)
         targets.push_back({Of::Top, 0});

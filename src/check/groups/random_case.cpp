@@ -240,6 +240,16 @@ Ray rayDown(Random &random)
     return ray;
 }
 
+void aimAt(Random &random, oracle::Scene &scene, const Vec3 &place, uint32_t level, uint32_t rays)
+{
+    for (uint32_t i = 0; i < rays; ++i) {
+        Ray ray = rayDown(random);
+        const auto [u, v] = microTriangleCentre(below(random, 1u << (2 * level)), level);
+        ray.origin = {place[0] + static_cast<float>(u), place[1] + static_cast<float>(v), 3};
+        scene.rays.push_back(ray);
+    }
+}
+
 oracle::MicromapTriangle patchyTriangle(Random &random, uint32_t level, uint32_t least)
 {
     oracle::MicromapTriangle triangle{.level = level, .format = kFourState};
@@ -361,7 +371,7 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind 
         step.exact |= step.outOfPlace && chance(random, 50);
         step.target = below(random, objects);
         step.other = below(random, objects);
-        if (kind == Kind::ReloadObject && limits.api == Api::Khr && limits.has(Fault::LayerSerializedStructures) &&
+        if (kind == Kind::ReloadObject && !limits.serializesMicromaps() &&
             std::ranges::any_of(scene.objects[step.target].meshes,
                                 [](const oracle::Mesh &mesh) { return mesh.micromap.has_value(); }))
             return {};
@@ -422,6 +432,12 @@ void terminateSome(Random &random, oracle::Scene &scene)
     for (Ray &ray : scene.rays)
         if (chance(random, 15))
             ray.rule = kTerminate;
+}
+
+void makeConditional(Random &random, Case &c, const DeviceLimits &limits, uint32_t percent)
+{
+    if (!limits.has(Fault::ConditionalBuilds) && chance(random, percent))
+        c.build.conditional = static_cast<Conditional>(1 + below(random, limits.addressCommands() ? 4 : 2));
 }
 
 // Micromaps with more triangles get smaller numbers.

@@ -40,6 +40,8 @@ struct DeviceLimits {
     [[nodiscard]] bool oddStrides() const { return api == Api::Ext; }
     // VK_KHR_device_address_commands, on which VK_KHR_opacity_micromap depends.
     [[nodiscard]] bool addressCommands() const { return api == Api::Khr; }
+    // Bottom-level structures with micromaps can be serialized.
+    [[nodiscard]] bool serializesMicromaps() const { return api == Api::Ext || !has(Fault::LayerSerializedStructures); }
     [[nodiscard]] bool has(Fault fault) const
     {
         return std::ranges::any_of(faults, [fault](const KnownFault &known) { return known.fault == fault; });
@@ -58,6 +60,8 @@ oracle::Scene makeScene(Random &random, const Limits &scene, const DeviceLimits 
 oracle::Instance instanceInPlace(Random &random);
 // A ray against z with random flags, which cull by opacity at most. The caller places its origin.
 Ray rayDown(Random &random);
+// Rays that meet the right-angled triangle there (appendTriangle) at the centres of micro-triangles of that level.
+void aimAt(Random &random, oracle::Scene &scene, const Vec3 &place, uint32_t level, uint32_t rays);
 // States that are the same within sub-triangles, as those of a picture are: none smaller than of 4^least states.
 oracle::MicromapTriangle patchyTriangle(Random &random, uint32_t level, uint32_t least);
 // Some micromap triangle gets a high level, with 2^16 bytes of data or more, where the device allows it. Returns its
@@ -80,6 +84,8 @@ void selectFlags(Random &random, Case &c, uint32_t percent);
 void terminateSome(Random &random, oracle::Scene &scene);
 // Record offsets of instances, which any ray of the case's pipelines may use: triangles and boxes reach different ones.
 void setRecords(Random &random, Case &c);
+// In so many of the cases, conditional rendering is active around builds, where the device has no fault in that.
+void makeConditional(Random &random, Case &c, const DeviceLimits &limits, uint32_t percent);
 // How the inputs of builds lie in memory, and when they are written; some micromaps get the states of others.
 void varyInputs(Random &random, Case &c);
 // A command of that form for the case's shader.

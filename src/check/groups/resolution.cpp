@@ -54,12 +54,7 @@ void addRow(Random &random, oracle::Scene &scene, uint32_t triangles, uint32_t l
     for (uint32_t t = 0; t < triangles; ++t) {
         const float x = 1.5f * static_cast<float>(t);
         appendTriangle(mesh.vertices, {x, y, 0});
-        for (uint32_t r = 0; r < raysOfEach; ++r) {
-            Ray ray = rayDown(random);
-            const auto [u, v] = microTriangleCentre(below(random, 1u << (2 * level)), level);
-            ray.origin = {x + static_cast<float>(u), y + static_cast<float>(v), 3};
-            scene.rays.push_back(ray);
-        }
+        aimAt(random, scene, {x, y, 0}, level, raysOfEach);
     }
 }
 
@@ -273,12 +268,7 @@ void addStack(Random &random, oracle::Scene &scene)
         appendTriangle(mesh.vertices, {kAside, kAside, -kDistance * static_cast<float>(i)});
         mesh.micromap->indices.push_back(i + 2 < count ? 0 : -1 - static_cast<int32_t>(below(random, 4)));
     }
-    for (uint32_t i = 0; i < 8; ++i) {
-        Ray ray = rayDown(random);
-        const auto [u, v] = microTriangleCentre(below(random, 4), 1);
-        ray.origin = {kAside + static_cast<float>(u), kAside + static_cast<float>(v), 3};
-        scene.rays.push_back(ray);
-    }
+    aimAt(random, scene, {kAside, kAside, 0}, 1, 8);
 }
 
 // Ray queries in other forms than one variable that is used once, and in shader objects.

@@ -68,17 +68,6 @@ Vec3 placeInGrid(uint32_t number, uint32_t width = kGrid)
     return {kPitch * static_cast<float>(number % width), kPitch * static_cast<float>(number / width), 0};
 }
 
-// Rays that meet the right-angled triangle there at the centres of micro-triangles of that level.
-void aimAt(Random &random, Case &c, const Vec3 &place, uint32_t level, uint32_t rays)
-{
-    for (uint32_t i = 0; i < rays; ++i) {
-        Ray ray = rayDown(random);
-        const auto [u, v] = microTriangleCentre(below(random, 1u << (2 * level)), level);
-        ray.origin = {place[0] + static_cast<float>(u), place[1] + static_cast<float>(v), 3};
-        c.scene.rays.push_back(ray);
-    }
-}
-
 void maybeByPipeline(Random &random, Case &c, const DeviceLimits &limits)
 {
     if (limits.pipelines && chance(random, 30))
@@ -106,7 +95,7 @@ Case geometries(Random &random, uint32_t count)
             mesh.micromap.reset();
         else
             mesh.micromap->indices = {otherThan(random, filler)};
-        aimAt(random, c, at, 2, 3);
+        aimAt(random, c.scene, at, 2, 3);
     }
     return c;
 }
@@ -125,7 +114,7 @@ Case triangles(Random &random, const DeviceLimits &limits, uint32_t count)
                      .indices = std::vector<int32_t>(count, static_cast<int32_t>(filler))};
     for (const uint32_t number : interesting(random, count)) {
         mesh.micromap->indices[number] = otherThan(random, filler);
-        aimAt(random, c, placeInGrid(number), 2, 3);
+        aimAt(random, c.scene, placeInGrid(number), 2, 3);
     }
     maybeByPipeline(random, c, limits);
     return c;
@@ -137,7 +126,7 @@ Case copiedTriangles(Random &random, const DeviceLimits &limits)
     using Kind = Step::Kind;
     Case c = triangles(random, limits, above(random, 1u << 10));
     c.steps = {{.kind = Kind::CloneObject}, {.kind = Kind::CompactObject}};
-    if (limits.api == Api::Ext || !limits.has(Fault::LayerSerializedStructures))
+    if (limits.serializesMicromaps())
         c.steps.push_back({.kind = Kind::ReloadObject});
     if (chance(random, 50))
         std::swap(c.steps.front(), c.steps.back());
@@ -181,7 +170,7 @@ Case instances(Random &random, const DeviceLimits &limits, uint32_t count)
         do
             instance.flags = oracle::randomInstance(random, 1, {}).flags;
         while (instance.flags == 0);
-        aimAt(random, c, at, 1, 4);
+        aimAt(random, c.scene, at, 1, 4);
     }
     c.build.instancePointers = chance(random, 30);
     constexpr std::array kinds{Step::Kind::CloneTop, Step::Kind::CompactTop, Step::Kind::ReloadTop};
@@ -244,7 +233,7 @@ void addUses(Random &random, Case &c, const std::vector<uint32_t> &numbers, VkIn
         place[1] = kPitch * static_cast<float>(meshes.size());
         appendTriangle(mesh.vertices, place);
         mesh.micromap->indices.push_back(static_cast<int32_t>(number - base));
-        aimAt(random, c, place, level, 4);
+        aimAt(random, c.scene, place, level, 4);
     }
 }
 
@@ -409,7 +398,7 @@ Case highestLevel(Random &random, uint16_t format, uint32_t level)
             Ray &ray = c.scene.rays.emplace_back(rayDown(random));
             ray.origin = {static_cast<float>(u), static_cast<float>(v), 3};
         }
-        aimAt(random, c, {}, level, 1);
+        aimAt(random, c.scene, {}, level, 1);
     }
     c.scene.micromaps.push_back({.triangles = {std::move(triangle)}});
     return c;
@@ -430,7 +419,7 @@ Case highestCompacted(Random &random, const DeviceLimits &limits)
     Case c = highestLevel(random, kTwoState, limits.maxLevel2);
     c.scene.micromaps[0].flags |= VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
     c.steps = {{.kind = Kind::ReloadMicromap}, {.kind = Kind::CompactMicromap}};
-    if (limits.api == Api::Ext || !limits.has(Fault::LayerSerializedStructures))
+    if (limits.serializesMicromaps())
         c.steps.push_back({.kind = Kind::ReloadObject});
     return c;
 }
@@ -488,7 +477,7 @@ Case lossyNodes(Random &random, const DeviceLimits &limits)
                 aimAtNumber(node + below(random, size));
             }
         }
-        aimAt(random, c, place, level, 24);
+        aimAt(random, c.scene, place, level, 24);
         appendTriangle(mesh.vertices, place);
         mesh.micromap->indices.push_back(static_cast<int32_t>(t));
         micromap.triangles.push_back(std::move(triangle));
