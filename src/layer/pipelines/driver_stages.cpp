@@ -59,7 +59,7 @@ void warnOnce(DevicePipelines &device, std::span<const uint32_t> words, const ch
 
 // Ray queries of KHR without the execution mode are harmless if they meet no micromaps. Some applications forget it,
 // such as the Vulkan tutorial's engine. The shader has no handle yet: its entry points and size tell which it is.
-void warnOfQueries(DevicePipelines &device, std::span<const uint32_t> words, const std::string &text)
+void warnOfQueries(DevicePipelines &device, std::span<const uint32_t> words, const char *consequence)
 {
     constexpr const char *kId = "VELLUM-queries-without-micromaps";
     const std::span<const uint32_t> original = originalOf(words);
@@ -71,7 +71,9 @@ void warnOfQueries(DevicePipelines &device, std::span<const uint32_t> words, con
         if (entry.queries && entry.mode.when == spirv::MicromapMode::When::Absent)
             names += entry.name + ", ";
     device.objects.warnings.warn(kId, "a shader (" + names + std::to_string(original.size_bytes()) +
-                                          " bytes of SPIR-V)" + text);
+                                          " bytes of SPIR-V) has ray queries and no execution mode "
+                                          "OpacityMicromapIdKHR: " +
+                                          consequence);
 }
 
 // Words that belong to a result.
@@ -102,9 +104,8 @@ SharedWords translateShader(DevicePipelines &device, std::span<const uint32_t> w
     const Driver &driver = device.driver;
     if (result->queriesForget && driver.enabled.khrFeature && !driver.enabled.ext && !driver.assumesMicromaps())
         warnOfQueries(device, words,
-                      " has ray queries and no execution mode OpacityMicromapIdKHR: on this device, whose driver has "
-                      "VK_EXT_opacity_micromap, they use micromaps nevertheless; on others, every hit on geometry with "
-                      "micromaps is non-opaque");
+                      "on this device, whose driver has VK_EXT_opacity_micromap, they use micromaps nevertheless; on "
+                      "others, every hit on geometry with micromaps is non-opaque");
     return wordsOf(std::move(result));
 }
 
@@ -127,11 +128,10 @@ std::optional<SharedWords> emulateMicromaps(DevicePipelines &device, std::span<c
         return {};
     }
     if (result.queriesForget && device.driver.enabled.khrFeature)
-        warnOfQueries(
-            device, words,
-            " has ray queries and no execution mode OpacityMicromapIdKHR: where they meet micromaps, every "
-            "hit on their geometry is non-opaque. Give it the mode (vellum spirv --enable-micromaps), or let all ray "
-            "queries use them by the setting assume_micromaps (--assume-micromaps of vellum run)");
+        warnOfQueries(device, words,
+                      "where they meet micromaps, every hit on their geometry is non-opaque. Give it the mode (vellum "
+                      "spirv --enable-micromaps), or let all ray queries use them by the setting assume_micromaps "
+                      "(--assume-micromaps of vellum run)");
     if (result.lacksHiddenFlags)
         warnOnce(device, words, "VELLUM-intersection-ray-flags",
                  "an intersection shader reads the ray flags: it does not see Opaque, CullNoOpaque and "
