@@ -356,4 +356,26 @@ void of(Archive &archive, T &c)
     archive.object("trace", c.trace);
 }
 
+// An archive that hands the name of each field of a plan, and the field, to a function.
+template <class Visit>
+struct EachField {
+    Visit visit;
+
+    void value(std::string_view name, auto &field, const auto &...) { visit(name, field); }
+    void name(std::string_view name, auto &field, const auto &...) { visit(name, field); }
+    void bits(std::string_view name, auto &field, const auto &) { visit(name, field); }
+    void object(std::string_view name, auto &field) { visit(name, field); }
+    void list(std::string_view name, auto &field) { visit(name, field); }
+};
+
+// The addresses of all fields of a structure, in their order.
+template <class Structure>
+std::vector<const void *> all(const Structure &structure)
+{
+    std::vector<const void *> fields;
+    EachField list{[&](std::string_view, const auto &field) { fields.push_back(&field); }};
+    of(list, structure);
+    return fields;
+}
+
 } // namespace vellum::check::fields

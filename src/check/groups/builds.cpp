@@ -213,12 +213,13 @@ Case nearlyEqual(Random &random, const DeviceLimits &limits)
             continue;
         c.scene.micromaps[m].flags |= VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
         const bool host = limits.hostCommands && chance(random, 20);
-        c.scene.micromaps[m].onHost |= host;
         if (chance(random, 20))
             c.steps.push_back(
                 {.kind = chance(random, 50) ? Kind::CloneMicromap : Kind::ReloadMicromap, .target = m, .host = host});
         c.steps.push_back({.kind = Kind::CompactMicromap, .target = m, .host = host});
     }
+    if (std::ranges::any_of(c.steps, &Step::host))
+        buildableOnHost(c.scene);
     return c;
 }
 
@@ -360,6 +361,12 @@ constexpr std::array kBuildsGroups{
 std::span<const Group> buildGroups()
 {
     return kBuildsGroups;
+}
+
+std::span<const MakeCase> buildMakers()
+{
+    static constexpr std::array kMakers{builds, geometry, single, hostBuilds, packed, generic, threads, state, state};
+    return kMakers;
 }
 
 } // namespace vellum::check

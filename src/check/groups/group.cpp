@@ -17,7 +17,7 @@ std::span<const Group> groups()
     static const std::vector<Group> all = [] {
         std::vector<Group> list;
         for (const std::span<const Group> some : {resolutionGroups(), pipelineGroups(), buildGroups(), objectGroups(),
-                                                  queryGroups(), addressGroups(), scaleGroups()})
+                                                  queryGroups(), addressGroups(), combinationGroups(), scaleGroups()})
             list.insert(list.end(), some.begin(), some.end());
         return list;
     }();

@@ -420,4 +420,11 @@ std::span<const Group> pipelineGroups()
     return kPipelinesGroups;
 }
 
+std::span<const MakeCase> pipelineMakers()
+{
+    static constexpr std::array kMakers{pipelinePlans,    pipelineLibraries, bindingTables,
+                                        pipelineRayFlags, severalPipelines,  indirectTraces};
+    return kMakers;
+}
+
 } // namespace vellum::check

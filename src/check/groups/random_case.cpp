@@ -5,6 +5,7 @@
 #include <cmath>
 #include <functional>
 #include <numeric>
+#include <stdexcept>
 #include <utility>
 
 #include "check/case/case.h"
@@ -530,6 +531,8 @@ Outcome runRandomCase(Session &session, std::string_view group, uint64_t seed, M
         useDescriptors(c.trace);
     if (!session.limits().skipsPrimitives)
         skipNothing(c);
+    if (const std::string broken = invalid(c); !broken.empty())
+        throw std::logic_error("an invalid case: " + broken);
     if (session.onlyMakesCases)
         return {.reproducer = toJson(c)};
     return runAndShrink(session, c, kShrinkSeconds);

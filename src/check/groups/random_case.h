@@ -101,6 +101,9 @@ inline void buildableOnHost(oracle::Scene &scene)
 // A pool of queries of a random property, and what is done with it; nothing where there is nothing to query.
 std::optional<QueryPlan> randomQueries(Random &random, const oracle::Scene &scene, const DeviceLimits &limits);
 
+// Builds, memory, steps and queries of one case, with commands of others, and with how others trace.
+Case combinations(Random &random, const DeviceLimits &limits);
+
 // Random commands that copy, update and fill memory at device addresses.
 AddressPlan randomAddressCopies(Random &random);
 
@@ -124,6 +127,13 @@ std::span<const Group> buildGroups();
 std::span<const Group> objectGroups();
 std::span<const Group> queryGroups();
 std::span<const Group> addressGroups();
+std::span<const Group> combinationGroups();
 std::span<const Group> scaleGroups();
+
+// What groups make, for cases that combine it: builds, steps on what was built, traces by queries and by pipelines.
+std::span<const MakeCase> buildMakers();
+std::span<const MakeCase> objectMakers();
+std::span<const MakeCase> queryMakers();
+std::span<const MakeCase> pipelineMakers();
 
 } // namespace vellum::check

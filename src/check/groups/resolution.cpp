@@ -375,4 +375,10 @@ std::span<const Group> resolutionGroups()
     return kResolutionGroups;
 }
 
+std::span<const MakeCase> queryMakers()
+{
+    static constexpr std::array kMakers{queries, flags, stages, stages, queryObjects};
+    return kMakers;
+}
+
 } // namespace vellum::check
