@@ -38,6 +38,12 @@ uint64_t driverBuilds()
     return testDriverFunction<uint64_t (*)()>("vellumExtBuilds")();
 }
 
+// Those of them whose input is not at multiples of 256 (VUID-vkCmdBuildMicromapsEXT-pInfos-07515).
+uint64_t misalignedBuilds()
+{
+    return testDriverFunction<uint64_t (*)()>("vellumExtMisaligned")();
+}
+
 class Translation : public MicromapStructure
 {
 protected:
@@ -124,6 +130,23 @@ TEST_F(Translation, InputAtMultiplesOf128)
             EXPECT_EQ(tracedMicromap(target.handle()), kForwards);
         }
     }
+}
+
+// A micromap without triangles, whose input is not read.
+TEST_F(Translation, NoInputAtMultiplesOf128)
+{
+    const Micromap usual(gpu(), eightStates());
+    const Placed target(gpu(), kMicromapType, usual.size());
+    StructureBuild build(usual.buildInfo(), target.handle());
+    build.data.usageCountsCount = 0;
+    const uint64_t misaligned = misalignedBuilds(), before = driverBuilds();
+    for (const auto &[data, triangles] : {std::pair{128u, 0u}, {0u, 128u}, {384u, 128u}}) {
+        build.data.data = usual.buildInfo().data.deviceAddress + data;
+        build.data.triangleArray = usual.buildInfo().data.deviceAddress + triangles;
+        this->build(build.info);
+    }
+    EXPECT_EQ(driverBuilds(), before + 3);
+    EXPECT_EQ(misalignedBuilds(), misaligned);
 }
 
 // Handles that reach to the end of the buffer, several for one content, and contents of many sizes in turn.
