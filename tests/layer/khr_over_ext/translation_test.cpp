@@ -303,6 +303,22 @@ TEST_F(TranslationSerialized, OtherStructuresInGenericStructures)
     EXPECT_EQ(tracedBottom(marked.address()), kPlain);
 }
 
+// Only the driver knows the type of what was deserialized into a GENERIC structure.
+TEST_F(TranslationSerialized, CopiesOfDeserializedTopLevelStructures)
+{
+    const Blas blas(gpu(), {mapped(nullptr)});
+    const Tlas tlas(gpu(), {instance(blas, {0, 0, 0}, 0)});
+    const Buffer data = saved(tlas.handle());
+    const Placed restored(gpu(), kGeneric, tlas.size());
+    restore(data.address(), restored.handle());
+    for (const auto type : {kTop, kGeneric}) {
+        vt::Structure target(gpu(), type);
+        target.create(tlas.size());
+        copy(restored.handle(), target.handle());
+        EXPECT_EQ(traced(target), kPlain) << type;
+    }
+}
+
 // With device address commands alone, no structure is a micromap.
 TEST(TranslationWithoutMicromaps, StructuresOfAnySize)
 {
