@@ -8,6 +8,7 @@
 #include <sys/mman.h>
 #endif
 
+#include "command_buffer/inherited_state.h"
 #include "harness/mock_driver.h"
 #include "micromaps/micromap_structures.h"
 
@@ -604,6 +605,35 @@ TEST_F(TranslationMissing, Geometries)
     gpu().submit(
         [&](VkCommandBuffer commands) { gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, nullptr); });
     EXPECT_TRUE(gpu().takeUnexpectedMessages().empty());
+}
+
+// Sizes of structures need no work of the layer, which conditional rendering might discard. The copy of the layer that
+// is the driver's extension here does need it, and rejects the command that it is passed.
+TEST_F(TranslationMissing, SizesWhereConditionalRenderingIsInherited)
+{
+    if (!gpu().has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
+        GTEST_SKIP() << "no VK_EXT_conditional_rendering";
+    Micromap micromap(gpu(), eightStates());
+    micromap.build();
+    const Blas blas(gpu(), {mapped(&micromap)});
+    const QueryPool pool(gpu(), kSerializedSize, 2);
+    VkCommandBuffer secondary = beginInheritingCondition(gpu());
+    VkAccelerationStructureKHR structure = blas.handle();
+    gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(secondary, 1, &structure, kSerializedSize, pool, 0);
+    for (const Message &m : gpu().takeUnexpectedMessages())
+        EXPECT_EQ(m.id, "LOWER-VELLUM-not-available") << m.text;
+    structure = micromap.handle().khr;
+    gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(secondary, 1, &structure, kSerializedSize, pool, 1);
+    expectRejected("not-available");
+    VT_CHECK(vkEndCommandBuffer(secondary));
+    gpu().submit([&](VkCommandBuffer commands) {
+        vkCmdResetQueryPool(commands, pool, 0, 2);
+        vkCmdExecuteCommands(commands, 1, &secondary);
+    });
+    uint64_t value = 0;
+    for (uint32_t i = 0; i < 2; ++i)
+        EXPECT_EQ(vkGetQueryPoolResults(gpu().device(), pool, i, 1, 8, &value, 8, VK_QUERY_RESULT_64_BIT),
+                  i == 0 ? VK_SUCCESS : VK_NOT_READY);
 }
 
 // An index buffer that is not used may be anything.
