@@ -21,12 +21,13 @@ constexpr VkDeviceSize kInputAlignment = 256;
 
 // --- micromaps ---
 
-// Returns whether the triangles must be copied, because the driver cannot read them in place.
+// Returns whether the triangles must be copied, because the driver cannot read them in place. It also gets aligned
+// addresses where there are no triangles.
 bool mustBeMoved(const MicromapBuild &build)
 {
-    return build.extent.triangles > 0 &&
-           (build.data.deviceAddress % kInputAlignment != 0 || build.triangles.deviceAddress % kInputAlignment != 0 ||
-            build.triangleStride < sizeof(VkMicromapTriangleKHR) || build.triangleStride % 4 != 0);
+    return build.data.deviceAddress % kInputAlignment != 0 || build.triangles.deviceAddress % kInputAlignment != 0 ||
+           (build.extent.triangles > 0 &&
+            (build.triangleStride < sizeof(VkMicromapTriangleKHR) || build.triangleStride % 4 != 0));
 }
 
 // Replaces the build's triangles by a copy as EXT requires them: packed, at an aligned address, with offsets from an
@@ -49,7 +50,7 @@ bool moveTriangles(DeviceKhrOverExt &device, VkCommandBuffer commandBuffer, Inje
     build.data.deviceAddress -= push.shift;
     build.triangles.deviceAddress = copy;
     build.triangleStride = sizeof(VkMicromapTriangleKHR);
-    return work.dispatch(InjectedShader::MicromapTriangles, push, triangles, 64);
+    return triangles == 0 || work.dispatch(InjectedShader::MicromapTriangles, push, triangles, 64);
 }
 
 // `target`: null for a query of sizes, which ignores it and all addresses.

@@ -350,12 +350,15 @@ void cmdWriteAccelerationStructuresProperties(DeviceQueryPools &device, VkComman
     const auto query =
         queryOf(device, kWriteProperties, count, structures, type, pool.get(), first,
                 [&objects = device.objects](ObjectHandle handle) { return structureFacts(objects, handle); });
-    if (!query.accepted || !pool || count == 0 ||
-        InjectedWork::rejectedIn(device.commands, commandBuffer, kWriteProperties))
+    if (!query.accepted || !pool || count == 0)
         return;
     std::vector<std::shared_ptr<AccelerationStructure>> known;
     std::vector<Backend::Property> properties;
     if (!findProperties(device, query, *pool, {structures, count}, known, properties))
+        return;
+    // Where micromaps are the driver's, shaders correct answers about micromaps only.
+    if ((device.driver.emulated() || std::ranges::any_of(properties, &Backend::Property::micromap)) &&
+        InjectedWork::rejectedIn(device.commands, commandBuffer, kWriteProperties))
         return;
     // The driver's answers are copied to the pool's memory, and corrected there.
     Backend &backend = *device.structures.backend;

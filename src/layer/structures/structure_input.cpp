@@ -140,7 +140,10 @@ std::optional<StructureCopy> structureCopyOf(const DeviceState &objects, const c
         return std::nullopt;
     }
     const bool micromaps = canHoldMicromap(*copy.source) && canHoldMicromap(*copy.target);
-    if (copy.isMicromap() ? !micromaps : copy.target->type != kGeneric && copy.target->type != copy.type) {
+    // The driver may have deserialized a structure of any type of its own into a GENERIC one (becomesStructure).
+    const bool isKnown = objects.driver.emulated() || copy.source->type != kGeneric;
+    const bool differs = isKnown && copy.target->type != kGeneric && copy.target->type != copy.type;
+    if (copy.isMicromap() ? !micromaps : differs) {
         rejectCommand(objects.driver, command, info.dst, "VELLUM-copy-type",
                       copy.isMicromap() ? "one of src and dst is not a micromap"
                                         : "dst was created with another type than src");

@@ -8,6 +8,7 @@
 #include <sys/mman.h>
 #endif
 
+#include "command_buffer/inherited_state.h"
 #include "harness/mock_driver.h"
 #include "micromaps/micromap_structures.h"
 
@@ -36,6 +37,12 @@ std::string layerTool(const Gpu &gpu)
 uint64_t driverBuilds()
 {
     return testDriverFunction<uint64_t (*)()>("vellumExtBuilds")();
+}
+
+// Those of them whose input is not at multiples of 256 (VUID-vkCmdBuildMicromapsEXT-pInfos-07515).
+uint64_t misalignedBuilds()
+{
+    return testDriverFunction<uint64_t (*)()>("vellumExtMisaligned")();
 }
 
 class Translation : public MicromapStructure
@@ -124,6 +131,23 @@ TEST_F(Translation, InputAtMultiplesOf128)
             EXPECT_EQ(tracedMicromap(target.handle()), kForwards);
         }
     }
+}
+
+// A micromap without triangles, whose input is not read.
+TEST_F(Translation, NoInputAtMultiplesOf128)
+{
+    const Micromap usual(gpu(), eightStates());
+    const Placed target(gpu(), kMicromapType, usual.size());
+    StructureBuild build(usual.buildInfo(), target.handle());
+    build.data.usageCountsCount = 0;
+    const uint64_t misaligned = misalignedBuilds(), before = driverBuilds();
+    for (const auto &[data, triangles] : {std::pair{128u, 0u}, {0u, 128u}, {384u, 128u}}) {
+        build.data.data = usual.buildInfo().data.deviceAddress + data;
+        build.data.triangleArray = usual.buildInfo().data.deviceAddress + triangles;
+        this->build(build.info);
+    }
+    EXPECT_EQ(driverBuilds(), before + 3);
+    EXPECT_EQ(misalignedBuilds(), misaligned);
 }
 
 // Handles that reach to the end of the buffer, several for one content, and contents of many sizes in turn.
@@ -278,6 +302,22 @@ TEST_F(TranslationSerialized, OtherStructuresInGenericStructures)
     const Placed marked(gpu(), kGeneric, memory.address(), (1 << 16) + 64);
     restore(other.address(), marked.handle());
     EXPECT_EQ(tracedBottom(marked.address()), kPlain);
+}
+
+// Only the driver knows the type of what was deserialized into a GENERIC structure.
+TEST_F(TranslationSerialized, CopiesOfDeserializedTopLevelStructures)
+{
+    const Blas blas(gpu(), {mapped(nullptr)});
+    const Tlas tlas(gpu(), {instance(blas, {0, 0, 0}, 0)});
+    const Buffer data = saved(tlas.handle());
+    const Placed restored(gpu(), kGeneric, tlas.size());
+    restore(data.address(), restored.handle());
+    for (const auto type : {kTop, kGeneric}) {
+        vt::Structure target(gpu(), type);
+        target.create(tlas.size());
+        copy(restored.handle(), target.handle());
+        EXPECT_EQ(traced(target), kPlain) << type;
+    }
 }
 
 // With device address commands alone, no structure is a micromap.
@@ -565,6 +605,35 @@ TEST_F(TranslationMissing, Geometries)
     gpu().submit(
         [&](VkCommandBuffer commands) { gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, nullptr); });
     EXPECT_TRUE(gpu().takeUnexpectedMessages().empty());
+}
+
+// Sizes of structures need no work of the layer, which conditional rendering might discard. The copy of the layer that
+// is the driver's extension here does need it, and rejects the command that it is passed.
+TEST_F(TranslationMissing, SizesWhereConditionalRenderingIsInherited)
+{
+    if (!gpu().has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
+        GTEST_SKIP() << "no VK_EXT_conditional_rendering";
+    Micromap micromap(gpu(), eightStates());
+    micromap.build();
+    const Blas blas(gpu(), {mapped(&micromap)});
+    const QueryPool pool(gpu(), kSerializedSize, 2);
+    VkCommandBuffer secondary = beginInheritingCondition(gpu());
+    VkAccelerationStructureKHR structure = blas.handle();
+    gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(secondary, 1, &structure, kSerializedSize, pool, 0);
+    for (const Message &m : gpu().takeUnexpectedMessages())
+        EXPECT_EQ(m.id, "LOWER-VELLUM-not-available") << m.text;
+    structure = micromap.handle().khr;
+    gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(secondary, 1, &structure, kSerializedSize, pool, 1);
+    expectRejected("not-available");
+    VT_CHECK(vkEndCommandBuffer(secondary));
+    gpu().submit([&](VkCommandBuffer commands) {
+        vkCmdResetQueryPool(commands, pool, 0, 2);
+        vkCmdExecuteCommands(commands, 1, &secondary);
+    });
+    uint64_t value = 0;
+    for (uint32_t i = 0; i < 2; ++i)
+        EXPECT_EQ(vkGetQueryPoolResults(gpu().device(), pool, i, 1, 8, &value, 8, VK_QUERY_RESULT_64_BIT),
+                  i == 0 ? VK_SUCCESS : VK_NOT_READY);
 }
 
 // An index buffer that is not used may be anything.

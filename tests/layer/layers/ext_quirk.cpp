@@ -129,7 +129,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
 
 std::mutex mutex;
 std::set<VkMicromapEXT> micromaps;
-std::atomic<uint64_t> builds = 0;
+std::atomic<uint64_t> builds = 0, misaligned = 0;
 
 void expectMicromap(const char *where, VkMicromapEXT micromap)
 {
@@ -175,6 +175,8 @@ VKAPI_ATTR void VKAPI_CALL cmdBuildMicromaps(VkCommandBuffer handle, uint32_t co
                                                   VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
         if ((info.flags & ~known) != 0)
             report("vkCmdBuildMicromapsEXT: flags that the driver does not know");
+        if ((info.data.deviceAddress | info.triangleArray.deviceAddress) % 256 != 0)
+            ++misaligned;
     }
     builds += count;
     DRIVER_NEXT(vkCmdBuildMicromapsEXT)(handle, count, infos);
@@ -325,6 +327,12 @@ extern "C" __attribute__((visibility("default"))) uint64_t vellumExtBuilds();
 extern "C" uint64_t vellumExtBuilds()
 {
     return driver::builds;
+}
+// Of these, those that break VUID-vkCmdBuildMicromapsEXT-pInfos-07515.
+extern "C" __attribute__((visibility("default"))) uint64_t vellumExtMisaligned();
+extern "C" uint64_t vellumExtMisaligned()
+{
+    return driver::misaligned;
 }
 // The usage counts of the last query of the sizes of an acceleration structure, or of the last build.
 extern "C" __attribute__((visibility("default"))) void vellumExtUsages(bool built,
