@@ -178,6 +178,9 @@ Guarded::Guarded(Device &gpu, VkDeviceSize size, VkDeviceSize alignment, VkBuffe
 
 Guarded::~Guarded()
 {
+    // What still refers to it then reads something else.
+    if (size_ > 0 && whole().bytes() != nullptr)
+        std::memset(bytes(), 0xa5, static_cast<size_t>(size_));
     if (arena_ != nullptr)
         arena_->give(place_);
 }

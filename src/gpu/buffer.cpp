@@ -23,10 +23,17 @@ Buffer::Buffer(Device &gpu, VkDeviceSize size, VkBufferUsageFlags usage, Place p
             needs, gpu.memoryType(needs.memoryTypeBits, 0, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT));
         CHECK_VK(vkBindBufferMemory(gpu.device(), buffer_, piece_.memory, piece_.offset));
     } else {
-        memory_ = gpu.bindMemory(buffer_, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT,
-                                 addressed);
+        VkMemoryRequirements needs;
+        vkGetBufferMemoryRequirements(gpu.device(), buffer_, &needs);
+        begin_ = std::max<VkDeviceSize>(needs.alignment, 256);
+        needs.size += begin_;
+        memory_ =
+            gpu.allocate(needs, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT, addressed);
+        const auto bind =
+            vkInit<VkBindBufferMemoryInfo>({.buffer = buffer_, .memory = memory_, .memoryOffset = begin_});
+        CHECK_VK(vkBindBufferMemory2(gpu.device(), 1, &bind));
         void *mapped = nullptr;
-        CHECK_VK(vkMapMemory(gpu.device(), memory_, 0, VK_WHOLE_SIZE, 0, &mapped));
+        CHECK_VK(vkMapMemory(gpu.device(), memory_, begin_, size, 0, &mapped));
         bytes_ = static_cast<uint8_t *>(mapped);
         std::memset(bytes_, 0, static_cast<size_t>(size));
     }
@@ -42,9 +49,9 @@ Buffer::Buffer(Device &gpu, const Buffer &other, VkDeviceSize offset, VkDeviceSi
     VkMemoryRequirements needs, others; // others: what its memory was allocated by
     vkGetBufferMemoryRequirements(gpu.device(), buffer_, &needs);
     vkGetBufferMemoryRequirements(gpu.device(), other.handle(), &others);
-    const VkDeviceSize begin = offset / needs.alignment * needs.alignment;
+    const VkDeviceSize begin = (other.begin_ + offset) / needs.alignment * needs.alignment;
     // VUID-vkBindBufferMemory-size-01037, -memory-01035
-    if (begin + needs.size > others.size || (others.memoryTypeBits & ~needs.memoryTypeBits) != 0) {
+    if (begin + needs.size > other.begin_ + others.size || (others.memoryTypeBits & ~needs.memoryTypeBits) != 0) {
         *this = Buffer();
         return;
     }

@@ -188,7 +188,9 @@ public:
     ~Buffer();
 
     [[nodiscard]] VkBuffer handle() const { return buffer_; }
+    // On the host: its memory, and where in that it begins, not at 0.
     [[nodiscard]] VkDeviceMemory memory() const { return memory_; }
+    [[nodiscard]] VkDeviceSize begin() const { return begin_; }
     [[nodiscard]] VkDeviceSize size() const { return size_; }
     // Valid only if the usage includes VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT.
     [[nodiscard]] VkDeviceAddress address() const { return address_; }
@@ -209,6 +211,7 @@ private:
     Device *gpu_ = nullptr;
     VkBuffer buffer_ = VK_NULL_HANDLE;
     VkDeviceMemory memory_ = VK_NULL_HANDLE;
+    VkDeviceSize begin_ = 0;
     MemoryPool::Piece piece_; // on the device
     VkDeviceSize size_ = 0;
     VkDeviceAddress address_ = 0;

@@ -52,7 +52,8 @@ Tracer::Tracer(Device &gpu, std::span<const uint32_t> words, const TracerSetup &
                                  .inlineModule = setup.inlineModule,
                                  .objectLayout = setup.shaderObject ? resources_.setLayout() : VK_NULL_HANDLE,
                                  .pushSize = sizeof(Push),
-                                 .vertexBuffers = setup.vertexBuffers});
+                                 .vertexBuffers = setup.vertexBuffers,
+                                 .dynamicStrides = setup.dynamicStrides});
 }
 
 void Tracer::prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity)

@@ -96,6 +96,7 @@ struct TracerSetup {
     std::optional<VkBool32> specializedOther; // the one behind it: Mode::Computed
     bool shaderObject = false;                // compute: VK_EXT_shader_object instead of a pipeline
     bool vertexBuffers = false;               // vertex: StageShader::vertexBuffers
+    bool dynamicStrides = false;
 };
 
 // A pipeline whose shader, of any stage, has the bindings of tracer.glsl.

@@ -58,6 +58,7 @@ Counts countsOfManyCases()
                            .maintenance = true,
                            .maintenance6 = true,
                            .shaderObjects = true,
+                           .countedDraws = true,
                            .chained = allOf(kChainedNames),
                            .dataAccess = true,
                            .maxLevel2 = 12,
@@ -65,7 +66,7 @@ Counts countsOfManyCases()
                            .maxLossyLevel = 12};
     Counts counts;
     Random random(1);
-    for (int n = 0; n < 1500; ++n) {
+    for (int n = 0; n < 2500; ++n) {
         const Case c = combinations(random, all);
         EXPECT_EQ(invalid(c), "");
         std::vector<std::string> varied;

@@ -286,6 +286,8 @@ private:
             line("     Inputs are written when the commands are recorded.");
         if (case_.build.rerecorded)
             line("     Command buffers of builds, copies and updates are recorded twice, and then executed.");
+        if (case_.build.anotherThread)
+            line("     Another thread records builds, copies and updates than what else is in their command buffers.");
         if (case_.build.secondDevice)
             line("     A second device carries out the same, something while each command buffer is recorded.");
         if (case_.build.secondary)
@@ -583,8 +585,9 @@ void Account::writeTracePlan()
         if (trace.rebound)
             line("A {} is bound before it.", trace.shaderObjects ? "pipeline" : "shader object");
         if (trace.vertexBuffers)
-            line(
-                "Numbers of rays come from buffers that vkCmdBindVertexBuffers3KHR and vkCmdBindIndexBuffer3KHR bind.");
+            line("Numbers of rays come from buffers that vkCmdBindVertexBuffers3KHR and vkCmdBindIndexBuffer3KHR "
+                 "bind{}.",
+                 trace.dynamicStrides ? ", which sets their strides" : "");
         if (trace.optimized)
             line("The module is optimized by spirv-opt.");
         if (trace.otherEntry != OtherEntry::None)
@@ -704,7 +707,8 @@ void Account::writeRay()
     writeTracePlan();
     const LaunchPlan &launch = case_.trace.launch;
     if (case_.trace.method == TracePlan::Method::Query && launch.command != Launch::Direct)
-        line("The command is indirect{}{}.", launch.command == Launch::Indirect2 ? ", by an address" : "",
+        line("The command is indirect{}{}{}.", launch.command == Launch::Indirect2 ? ", by an address" : "",
+             launch.counted ? ", and reads how many draws it makes" : "",
              launch.offset > 0 ? fmt::format(", {} bytes before its parameters", 4 * launch.offset) : "");
     else if (case_.trace.method == TracePlan::Method::Pipeline && launch != LaunchPlan())
         line("The command is vkCmdTraceRays{}KHR, height {}, depth {}{}.",

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstring>
+#include <future>
 #include <thread>
 #include <utility>
 
@@ -131,7 +132,10 @@ std::unique_ptr<Micromap> BuiltCase::newMicromap(const oracle::SceneMicromap &fr
 void BuiltCase::recordUnder(VkCommandBuffer commands, const Record &record, bool last)
 {
     const auto recordBetween = [&] {
-        record(commands);
+        if (case_.build.anotherThread)
+            std::async(std::launch::async, record, commands).get();
+        else
+            record(commands);
         if (between_)
             between_();
         if (last)

@@ -81,6 +81,8 @@ struct BuildPlan {
     // is recorded. Not with threads.
     bool secondDevice = false;
     bool deferred = false; // host builds get a deferred operation
+    // Builds, copies and updates are recorded by another thread than what else is in their command buffer.
+    bool anotherThread = false;
 };
 
 // Something that is done after everything was built and before rays are traced. The top level is built after all steps
@@ -285,6 +287,7 @@ struct TracePlan {
     // Query, in a vertex shader: the numbers of rays come from vertex buffers, bound by vkCmdBindVertexBuffers3KHR, and
     // by an index buffer, bound by vkCmdBindIndexBuffer3KHR. With a descriptor and flags of run time
     bool vertexBuffers = false;
+    bool dynamicStrides = false; // vertexBuffers: VK_DYNAMIC_STATE_VERTEX_INPUT_BINDING_STRIDE
     // Pipeline
     PipelinePlan pipeline;
     std::vector<PipelinePlan> otherPipelines; // alive at the same time; their traces follow in the command buffer

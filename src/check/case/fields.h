@@ -156,6 +156,7 @@ void of(Archive &archive, T &build)
     archive.value("rerecorded", build.rerecorded, standard.rerecorded);
     archive.value("backwards", build.backwards, standard.backwards);
     archive.value("secondDevice", build.secondDevice, standard.secondDevice);
+    archive.value("anotherThread", build.anotherThread, standard.anotherThread);
 }
 
 template <class Archive, Is<Step> T>
@@ -322,6 +323,7 @@ void of(Archive &archive, T &trace)
     archive.value("shaderObjects", trace.shaderObjects, standard.shaderObjects);
     archive.value("rebound", trace.rebound, standard.rebound);
     archive.value("vertexBuffers", trace.vertexBuffers, standard.vertexBuffers);
+    archive.value("dynamicStrides", trace.dynamicStrides, standard.dynamicStrides);
     archive.object("pipeline", trace.pipeline);
     archive.list("otherPipelines", trace.otherPipelines);
     archive.value("tablesInPlace", trace.tablesInPlace, standard.tablesInPlace);
@@ -336,6 +338,7 @@ void of(Archive &archive, T &trace)
     archive.value("height", trace.launch.height, standard.launch.height);
     archive.value("depth", trace.launch.depth, standard.launch.depth);
     archive.value("commandOffset", trace.launch.offset, standard.launch.offset);
+    archive.value("counted", trace.launch.counted, standard.launch.counted);
     archive.name("attributes", trace.attributes, kAttributeNames, standard.attributes);
     archive.bits("creation", trace.creation, kCreationNames);
     archive.value("callables", trace.callables, standard.callables);

@@ -338,6 +338,14 @@ std::vector<uint32_t> stagesOfGroup(uint32_t group)
     }
 }
 
+bool countsDraws(const Device &gpu)
+{
+    auto vulkan12 = vkInit<VkPhysicalDeviceVulkan12Features>();
+    auto features = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &vulkan12});
+    vkGetPhysicalDeviceFeatures2(gpu.physical(), &features);
+    return vulkan12.drawIndirectCount != VK_FALSE && gpu.limits().maxDrawIndirectCount >= 3;
+}
+
 std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
 {
     const bool pipeline = plan.method == TracePlan::Method::Pipeline;
@@ -360,6 +368,8 @@ std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
             return missing;
         if (traces && !hasLaunch(gpu, plan.launch.command, missing))
             return missing;
+        if (plan.launch.counted && !countsDraws(gpu))
+            return "drawIndirectCount is not supported";
         if (plan.mode != TracePlan::Mode::True && !(gpu.khr() && usesMicromaps(gpu)))
             return "the execution mode is part of VK_KHR_opacity_micromap";
         return {};
@@ -404,7 +414,8 @@ std::unique_ptr<Tracer> queryTracer(Device &gpu, const TracePlan &plan, uint32_t
                       .inlineModule = plan.inlineModules,
                       .stage = plan.stage,
                       .shaderObject = plan.shaderObjects,
-                      .vertexBuffers = plan.vertexBuffers};
+                      .vertexBuffers = plan.vertexBuffers,
+                      .dynamicStrides = plan.dynamicStrides};
     if (gpu.khr() && usesMicromaps(gpu)) {
         words = withMode(words, modeOf(plan), Tracer::kModeConstant);
         if (modeOf(plan) == Mode::Specialized)

@@ -607,6 +607,12 @@ void checkTrace(const Case &c)
     rule(!trace.rebound || trace.stage == VK_SHADER_STAGE_COMPUTE_BIT, "trace.rebound", "needs the compute stage");
     rule(!trace.vertexBuffers || (trace.stage == VK_SHADER_STAGE_VERTEX_BIT && !trace.byAddress && !constant),
          "trace.vertexBuffers", "need the vertex stage, ray flags of run time and a descriptor");
+    rule(!trace.dynamicStrides || trace.vertexBuffers, "trace.dynamicStrides", "without vertexBuffers");
+    constexpr VkShaderStageFlags kDraws =
+        VK_SHADER_STAGE_ALL_GRAPHICS | VK_SHADER_STAGE_TASK_BIT_EXT | VK_SHADER_STAGE_MESH_BIT_EXT;
+    rule(!trace.launch.counted || (!traced && (static_cast<VkShaderStageFlags>(trace.stage) & kDraws) != 0 &&
+                                   trace.launch.command != Launch::Direct),
+         "trace.counted", "needs an indirect draw");
     rule(isNamed(kAttributeNames, trace.attributes), "trace.attributes", "no such type");
     rule(trace.otherPipelines.size() <= 8 && (!trace.firstDestroyed || !trace.otherPipelines.empty()),
          "trace.otherPipelines", "too many, or none although the first is destroyed");

@@ -131,11 +131,32 @@ void makeNearlyEqual(Random &random, oracle::Scene &scene, uint32_t micromap, ui
     }
 }
 
+// A micromap gets more triangles in front of those that it has, so that several workgroups build it.
+void makeLong(Random &random, oracle::Scene &scene)
+{
+    if (scene.micromaps.empty())
+        return;
+    const uint32_t m = below(random, static_cast<uint32_t>(scene.micromaps.size()));
+    oracle::SceneMicromap &micromap = scene.micromaps[m];
+    if ((micromap.flags & kLossy) != 0)
+        return;
+    std::vector<oracle::MicromapTriangle> front(64 + below(random, 400));
+    for (oracle::MicromapTriangle &triangle : front)
+        triangle = oracle::randomTriangle(random, 1);
+    micromap.triangles.insert(micromap.triangles.begin(), front.begin(), front.end());
+    for (oracle::Object &object : scene.objects)
+        for (oracle::Mesh &mesh : object.meshes)
+            if (mesh.micromap && mesh.micromap->micromap == m)
+                mesh.micromap->base += static_cast<uint32_t>(front.size());
+}
+
 Case builds(Random &random, const DeviceLimits &limits)
 {
     Limits scene = smallScene(limits);
     scene.oddStrides = limits.oddStrides();
     Case c{.scene = makeScene(random, scene, limits)};
+    if (chance(random, 15))
+        makeLong(random, c.scene);
     c.build.together = chance(random, 60);
     c.build.mixed = c.build.together && limits.api == Api::Khr && chance(random, 50);
     if (limits.indirectBuilds && chance(random, 40)) {
@@ -272,6 +293,7 @@ Case state(Random &random, const DeviceLimits &limits)
     using Kind = Step::Kind;
     Case c{.scene = makeScene(random, smallScene(limits), limits)};
     makeConditional(random, c, limits, 50);
+    c.build.anotherThread = chance(random, 30);
     c.build.single = chance(random, 60);
     c.build.backwards = c.build.single && chance(random, 30);
     c.trace.boundFirst = true;
@@ -294,6 +316,7 @@ Case state(Random &random, const DeviceLimits &limits)
         c.trace.launch.command = randomCommand(random, limits);
     c.trace.vertexBuffers =
         limits.addressCommands() && c.trace.stage == VK_SHADER_STAGE_VERTEX_BIT && chance(random, 60);
+    c.trace.dynamicStrides = c.trace.vertexBuffers && chance(random, 50);
     if (limits.shaderObjects && c.trace.method == TracePlan::Method::Query &&
         c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && chance(random, 60)) {
         c.trace.shaderObjects = chance(random, 60);

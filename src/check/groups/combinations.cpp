@@ -112,6 +112,10 @@ Case combinations(Random &random, const DeviceLimits &limits)
     }
     for (const Case *of : {&other, &otherTraced, &traced})
         takeSome(random, c, c.trace, of->trace, 60);
+    if (limits.countedDraws && chance(random, 50)) // few cases draw
+        change(c, [](Case &changed) { changed.trace.launch.counted = true; });
+    if (chance(random, 50))
+        change(c, [](Case &changed) { changed.trace.dynamicStrides = true; });
     fitRayFlags(random, c);
     // Scenes with micromaps: sceneRule
     c.trace.withoutMicromaps = false;

@@ -155,6 +155,7 @@ DeviceLimits limitsOf(const Device &gpu)
             .maintenance = gpu.has(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME),
             .maintenance6 = gpu.has("VK_KHR_maintenance6"),
             .shaderObjects = gpu.has("VK_EXT_shader_object"),
+            .countedDraws = countsDraws(gpu),
             .chained = uint32_t{kChainFlagsFirst} |
                        (gpu.has(VK_EXT_PIPELINE_CREATION_FEEDBACK_EXTENSION_NAME) ? uint32_t{kChainFeedback} : 0) |
                        (gpu.has(VK_EXT_PIPELINE_ROBUSTNESS_EXTENSION_NAME) ? uint32_t{kChainRobustness} : 0),

@@ -29,8 +29,9 @@ struct DeviceLimits {
     bool maintenance = false; // VK_KHR_ray_tracing_maintenance1
     bool maintenance6 = false;
     bool shaderObjects = false;
-    uint32_t chained = 0;    // bits of ChainedInfo
-    bool dataAccess = false; // VK_KHR_ray_tracing_position_fetch
+    bool countedDraws = false; // vkCmdDrawIndirectCount
+    uint32_t chained = 0;      // bits of ChainedInfo
+    bool dataAccess = false;   // VK_KHR_ray_tracing_position_fetch
     uint32_t maxLevel2 = 0, maxLevel4 = 0, maxLossyLevel = 0;
     std::vector<VkFormat> vertexFormats = {kVertexFormats.begin(), kVertexFormats.begin() + kRequiredVertexFormats};
     std::vector<KnownFault> faults;

@@ -239,6 +239,10 @@ Case stages(Random &random, const DeviceLimits &limits)
     c.trace.launch.offset = chance(random, 50) ? below(random, 70) : 0;
     selectFlags(random, c, 30);
     computeMode(random, c.trace.mode);
+    if (c.trace.launch.command != Launch::Direct && limits.countedDraws && chance(random, 50)) {
+        c.trace.launch.counted = true;
+        c.trace.launch.counted = invalid(c).empty(); // it is a draw
+    }
     // One of many stages, so that few cases would have it.
     c.trace.vertexBuffers = limits.addressCommands() && chance(random, 12);
     if (c.trace.vertexBuffers) {
@@ -246,6 +250,7 @@ Case stages(Random &random, const DeviceLimits &limits)
         c.trace.byAddress = false;
         c.trace.flags = TracePlan::Flags::RunTime;
         c.trace.otherEntry = OtherEntry::None;
+        c.trace.dynamicStrides = chance(random, 50);
     }
     return c;
 }
@@ -287,8 +292,13 @@ Case queryObjects(Random &random, const DeviceLimits &limits)
         addStack(random, c.scene);
     // In an array and beside another one, the other query has constant flags, which differ then.
     const bool two = c.trace.query == TracePlan::Query::Array || c.trace.query == TracePlan::Query::Beside;
-    if (!c.trace.optimized && chance(random, two ? 80 : 30))
+    if (!c.trace.optimized && chance(random, two ? 80 : 30)) {
         fixFlags(random, c);
+        if (two && chance(random, 40)) // the only flag in which the two then differ
+            for (Ray &ray : c.scene.rays)
+                ray.flags =
+                    (ray.flags & ~(kRayOpaque | kRayNoOpaque | kRayCullOpaque | kRayForceTwoState)) | kRayCullNoOpaque;
+    }
     terminateSome(random, c.scene);
     setRecords(random, c);
     selectFlags(random, c, 35);

@@ -14,6 +14,7 @@ constexpr VkFormat kFormat = VK_FORMAT_R8G8B8A8_UNORM;
 // Of the vertex buffers
 constexpr uint32_t kFirstBinding = 1;
 constexpr std::array<uint32_t, 2> kVertexStrides{4, 12};
+constexpr uint32_t kMostDraws = 3; // of a command that reads their number
 
 } // namespace
 
@@ -59,6 +60,7 @@ void RowState::setIn(VkGraphicsPipelineCreateInfo &pipeline) const
 
 Graphics::Graphics(Device &gpu, VkPipelineLayout layout, const Shaders &shaders, uint32_t width)
     : gpu_(gpu), width_(width), mesh_(!shaders.mesh.empty()), vertexBuffers_(shaders.vertexBuffers),
+      dynamicStrides_(shaders.dynamicStrides), points_(shaders.topology == VK_PRIMITIVE_TOPOLOGY_POINT_LIST),
       image_(gpu, kFormat, width, VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT)
 {
     const VkDevice device = gpu.device();
@@ -88,15 +90,17 @@ Graphics::Graphics(Device &gpu, VkPipelineLayout layout, const Shaders &shaders,
             stage.module = gpu.shader(source.original);
         stages.push_back(stage);
     }
-    constexpr std::array<VkVertexInputBindingDescription, 2> kBindings{
-        {{kFirstBinding, kVertexStrides[0], VK_VERTEX_INPUT_RATE_VERTEX},
-         {kFirstBinding + 1, kVertexStrides[1], VK_VERTEX_INPUT_RATE_VERTEX}}};
+    // Dynamic strides replace those of the pipeline.
+    const uint32_t others = shaders.dynamicStrides ? 4 : 0;
+    const std::array<VkVertexInputBindingDescription, 2> bindings{
+        {{kFirstBinding, kVertexStrides[0] + others, VK_VERTEX_INPUT_RATE_VERTEX},
+         {kFirstBinding + 1, kVertexStrides[1] + others, VK_VERTEX_INPUT_RATE_VERTEX}}};
     constexpr std::array<VkVertexInputAttributeDescription, 2> kAttributes{
         {{0, kFirstBinding, VK_FORMAT_R32_UINT, 0}, {1, kFirstBinding + 1, VK_FORMAT_R32_UINT, 0}}};
     auto input = vkInit<VkPipelineVertexInputStateCreateInfo>();
     if (vertexBuffers_) {
-        input.vertexBindingDescriptionCount = kBindings.size();
-        input.pVertexBindingDescriptions = kBindings.data();
+        input.vertexBindingDescriptionCount = bindings.size();
+        input.pVertexBindingDescriptions = bindings.data();
         input.vertexAttributeDescriptionCount = kAttributes.size();
         input.pVertexAttributeDescriptions = kAttributes.data();
     }
@@ -109,6 +113,11 @@ Graphics::Graphics(Device &gpu, VkPipelineLayout layout, const Shaders &shaders,
     pipeline.pStages = stages.data();
     pipeline.pVertexInputState = &input;
     pipeline.pInputAssemblyState = &assembly;
+    constexpr std::array kDynamic{VK_DYNAMIC_STATE_VERTEX_INPUT_BINDING_STRIDE};
+    const auto dynamic = vkInit<VkPipelineDynamicStateCreateInfo>(
+        {.dynamicStateCount = kDynamic.size(), .pDynamicStates = kDynamic.data()});
+    if (dynamicStrides_)
+        pipeline.pDynamicState = &dynamic;
     pipeline.layout = layout;
     if (shaders.libraries)
         link(pipeline);
@@ -160,7 +169,9 @@ void Graphics::bind(VkCommandBuffer commands) const
     std::array<VkBindVertexBuffer3InfoKHR, 2> infos{};
     for (size_t i = 0; i < infos.size(); ++i)
         infos[i] = vkInit<VkBindVertexBuffer3InfoKHR>(
-            {.addressRange = {numbers_[i].address(), numbers_[i].size(), 0}, .addressFlags = kUnknownUsage});
+            {.setStride = VkBool32{dynamicStrides_},
+             .addressRange = {numbers_[i].address(), numbers_[i].size(), dynamicStrides_ ? kVertexStrides[i] : 0},
+             .addressFlags = kUnknownUsage});
     gpu_.vk().CmdBindVertexBuffers3KHR(commands, kFirstBinding, infos.size(), infos.data());
     const auto indices = vkInit<VkBindIndexBuffer3InfoKHR>({.addressRange = {indices_.address(), indices_.size()},
                                                             .addressFlags = kUnknownUsage,
@@ -168,15 +179,33 @@ void Graphics::bind(VkCommandBuffer commands) const
     gpu_.vk().CmdBindIndexBuffer3KHR(commands, &indices);
 }
 
+template <class Draw>
+void Graphics::prepareDraws(const LaunchPlan &launch, const Draw &all, const Draw &first, const Draw &rest)
+{
+    struct Counted {
+        std::array<Draw, kMostDraws> draws;
+        uint32_t count;
+    };
+    counted_.reset();
+    if (!launch.counted) {
+        command_ = IndirectCommand(gpu_, launch, all);
+        return;
+    }
+    command_ = IndirectCommand(gpu_, launch, Counted{{first, rest, {}}, 2});
+    counted_ = {sizeof(Draw), offsetof(Counted, count)};
+}
+
 void Graphics::prepare(const LaunchPlan &launch, uint32_t vertices)
 {
     vertices_ = vertices;
-    if (mesh_)
-        command_ = IndirectCommand(gpu_, launch, VkDrawMeshTasksIndirectCommandEXT{vertices, 1, 1});
+    const uint32_t first = points_ ? std::min(vertices, 1u) : vertices, rest = vertices - first;
+    if (mesh_) // numbers of workgroups begin at 0 in each draw
+        prepareDraws<VkDrawMeshTasksIndirectCommandEXT>(launch, {vertices, 1, 1}, {first, 1, 1}, {vertices, 1, 1});
     else if (vertexBuffers_)
-        command_ = IndirectCommand(gpu_, launch, VkDrawIndexedIndirectCommand{vertices, 1, 0, 0, 0});
+        prepareDraws<VkDrawIndexedIndirectCommand>(launch, {vertices, 1, 0, 0, 0}, {first, 1, 0, 0, 0},
+                                                   {rest, 1, first, 0, 0});
     else
-        command_ = IndirectCommand(gpu_, launch, VkDrawIndirectCommand{vertices, 1, 0, 0});
+        prepareDraws<VkDrawIndirectCommand>(launch, {vertices, 1, 0, 0}, {first, 1, 0, 0}, {rest, 1, first, 0});
     if (!vertexBuffers_)
         return;
     const size_t count = std::max(vertices, 1u);
@@ -205,6 +234,13 @@ void Graphics::recordDraw(VkCommandBuffer commands) const
                : vertexBuffers_ ? vkCmdDrawIndexed(commands, vertices_, 1, 0, 0, 0)
                                 : vkCmdDraw(commands, vertices_, 1, 0, 0);
     case Launch::Indirect: {
+        if (counted_) {
+            const auto draw = mesh_            ? vk.CmdDrawMeshTasksIndirectCountEXT
+                              : vertexBuffers_ ? &vkCmdDrawIndexedIndirectCount
+                                               : &vkCmdDrawIndirectCount;
+            return draw(commands, command_.buffer(), command_.offset(), command_.buffer(),
+                        command_.offset() + counted_->count, kMostDraws, counted_->stride);
+        }
         const auto draw = mesh_            ? vk.CmdDrawMeshTasksIndirectEXT
                           : vertexBuffers_ ? &vkCmdDrawIndexedIndirect
                                            : &vkCmdDrawIndirect;
@@ -212,6 +248,18 @@ void Graphics::recordDraw(VkCommandBuffer commands) const
     }
     case Launch::Indirect2: {
         const VkDeviceAddressRangeKHR range = command_.range();
+        if (counted_) {
+            const auto info = vkInit<VkDrawIndirectCount2InfoKHR>(
+                {.addressRange = {range.address, kMostDraws * counted_->stride, counted_->stride},
+                 .addressFlags = kUnknownUsage,
+                 .countAddressRange = {range.address + counted_->count, sizeof(uint32_t)},
+                 .countAddressFlags = kUnknownUsage,
+                 .maxDrawCount = kMostDraws});
+            const auto draw = mesh_            ? vk.CmdDrawMeshTasksIndirectCount2EXT
+                              : vertexBuffers_ ? vk.CmdDrawIndexedIndirectCount2KHR
+                                               : vk.CmdDrawIndirectCount2KHR;
+            return draw(commands, &info);
+        }
         const auto info = vkInit<VkDrawIndirect2InfoKHR>(
             {.addressRange = {range.address, range.size, 0}, .addressFlags = kUnknownUsage, .drawCount = kOne});
         const auto draw = mesh_            ? vk.CmdDrawMeshTasksIndirect2EXT

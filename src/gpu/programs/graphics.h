@@ -61,6 +61,7 @@ public:
         // Vertices have two numbers, whose difference is the number of the vertex, in buffers that are bound by
         // addresses, and come by indices. They are drawn once, in reverse order. VK_KHR_device_address_commands
         bool vertexBuffers = false;
+        bool dynamicStrides = false; // of the buffers: set when they are bound
     };
     Graphics(Device &gpu, VkPipelineLayout layout, const Shaders &shaders, uint32_t width);
     Graphics(const Graphics &) = delete;
@@ -75,6 +76,13 @@ public:
     void draw(VkCommandBuffer commands) const;
 
 private:
+    // Where the draws and their number are in the parameters of an indirect command.
+    struct CountedDraws {
+        uint32_t stride;
+        VkDeviceSize count;
+    };
+    template <class Draw>
+    void prepareDraws(const LaunchPlan &launch, const Draw &all, const Draw &first, const Draw &rest);
     void link(const VkGraphicsPipelineCreateInfo &whole);
     void render(VkCommandBuffer commands, const std::function<void()> &drawing) const;
     void recordDraw(VkCommandBuffer commands) const;
@@ -82,10 +90,12 @@ private:
     Device &gpu_;
     uint32_t width_;
     bool mesh_;
-    bool vertexBuffers_;
+    bool vertexBuffers_, dynamicStrides_;
     std::array<Buffer, 2> numbers_; // of vertices
     Buffer indices_;
     uint32_t vertices_ = 0;
+    bool points_;
+    std::optional<CountedDraws> counted_;
     IndirectCommand command_;
     RowImage image_;
     VkPipeline pipeline_ = VK_NULL_HANDLE;

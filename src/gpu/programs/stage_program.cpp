@@ -142,7 +142,8 @@ Graphics::Shaders graphicsShaders(const StageShader &shader)
                               .inlineModules = shader.inlineModule,
                               .topology = VK_PRIMITIVE_TOPOLOGY_POINT_LIST,
                               .specialization = shader.specialization,
-                              .vertexBuffers = shader.vertexBuffers};
+                              .vertexBuffers = shader.vertexBuffers,
+                              .dynamicStrides = shader.dynamicStrides};
     switch (shader.stage) {
     case VK_SHADER_STAGE_VERTEX_BIT: shaders.vertex = shader.words; break;
     case VK_SHADER_STAGE_GEOMETRY_BIT: shaders.geometry = shader.words; break;

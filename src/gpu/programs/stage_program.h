@@ -18,6 +18,7 @@ struct StageShader {
     VkDescriptorSetLayout objectLayout = VK_NULL_HANDLE;
     uint32_t pushSize = 0;
     bool vertexBuffers = false; // vertex shader: gets its number from vertex buffers (tracer.glsl, BUFFERS)
+    bool dynamicStrides = false;
 };
 
 class StageProgram

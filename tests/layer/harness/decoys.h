@@ -28,7 +28,7 @@ public:
         buffers_.push_back({buffer, allocator});
         VkMemoryRequirements needs; // a validation layer requires the query
         vkGetBufferMemoryRequirements(gpu_.device(), buffer, &needs);
-        VT_CHECK(vkBindBufferMemory(gpu_.device(), buffer, other.memory(), 0));
+        VT_CHECK(vkBindBufferMemory(gpu_.device(), buffer, other.memory(), other.begin()));
         EXPECT_EQ(gpu_.address(buffer), other.address());
     }
     void destroy()
