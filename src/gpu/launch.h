@@ -18,8 +18,8 @@ struct LaunchPlan {
     Launch command = Launch::Direct;
     uint32_t height = 1, depth = 1; // of traces: the width is what the rays then need
     uint32_t offset = 0;            // words before the parameters of an indirect command
-    // Of indirect draws: the device reads how many of three draws it makes. The first is of one vertex where that is a
-    // primitive, the second of the others, the third of nothing.
+    // Of indirect draws: the device reads that it makes two of three draws. The first is of one vertex where that is a
+    // primitive, the second of all, the third of nothing.
     bool counted = false;
 
     bool operator==(const LaunchPlan &) const = default;

@@ -224,7 +224,9 @@ private:
         std::unique_ptr<Tracer> &tracer = queries_[key(rays)];
         if (!tracer)
             tracer = queryTracer(gpu_, plan_, key(rays));
-        tracer->setLaunch({.command = plan_.launch.command, .offset = plan_.launch.offset});
+        LaunchPlan launch = plan_.launch;
+        launch.height = launch.depth = 1;
+        tracer->setLaunch(launch);
         tracer->prepare(top, rays, oracle::kCapacity);
         Tracer *const one = tracer.get();
         run(std::span(&one, 1), beside);

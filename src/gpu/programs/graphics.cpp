@@ -180,7 +180,7 @@ void Graphics::bind(VkCommandBuffer commands) const
 }
 
 template <class Draw>
-void Graphics::prepareDraws(const LaunchPlan &launch, const Draw &all, const Draw &first, const Draw &rest)
+void Graphics::prepareDraws(const LaunchPlan &launch, const Draw &draw, uint32_t Draw::*vertices)
 {
     struct Counted {
         std::array<Draw, kMostDraws> draws;
@@ -188,24 +188,27 @@ void Graphics::prepareDraws(const LaunchPlan &launch, const Draw &all, const Dra
     };
     counted_.reset();
     if (!launch.counted) {
-        command_ = IndirectCommand(gpu_, launch, all);
+        command_ = IndirectCommand(gpu_, launch, draw);
         return;
     }
-    command_ = IndirectCommand(gpu_, launch, Counted{{first, rest, {}}, 2});
+    Draw first = draw;
+    if (points_)
+        first.*vertices = std::min(first.*vertices, 1u);
+    command_ = IndirectCommand(gpu_, launch, Counted{{first, draw, {}}, 2});
     counted_ = {sizeof(Draw), offsetof(Counted, count)};
 }
 
 void Graphics::prepare(const LaunchPlan &launch, uint32_t vertices)
 {
     vertices_ = vertices;
-    const uint32_t first = points_ ? std::min(vertices, 1u) : vertices, rest = vertices - first;
-    if (mesh_) // numbers of workgroups begin at 0 in each draw
-        prepareDraws<VkDrawMeshTasksIndirectCommandEXT>(launch, {vertices, 1, 1}, {first, 1, 1}, {vertices, 1, 1});
+    if (mesh_)
+        prepareDraws(launch, VkDrawMeshTasksIndirectCommandEXT{vertices, 1, 1},
+                     &VkDrawMeshTasksIndirectCommandEXT::groupCountX);
     else if (vertexBuffers_)
-        prepareDraws<VkDrawIndexedIndirectCommand>(launch, {vertices, 1, 0, 0, 0}, {first, 1, 0, 0, 0},
-                                                   {rest, 1, first, 0, 0});
+        prepareDraws(launch, VkDrawIndexedIndirectCommand{vertices, 1, 0, 0, 0},
+                     &VkDrawIndexedIndirectCommand::indexCount);
     else
-        prepareDraws<VkDrawIndirectCommand>(launch, {vertices, 1, 0, 0}, {first, 1, 0, 0}, {rest, 1, first, 0});
+        prepareDraws(launch, VkDrawIndirectCommand{vertices, 1, 0, 0}, &VkDrawIndirectCommand::vertexCount);
     if (!vertexBuffers_)
         return;
     const size_t count = std::max(vertices, 1u);

@@ -82,7 +82,7 @@ private:
         VkDeviceSize count;
     };
     template <class Draw>
-    void prepareDraws(const LaunchPlan &launch, const Draw &all, const Draw &first, const Draw &rest);
+    void prepareDraws(const LaunchPlan &launch, const Draw &draw, uint32_t Draw::*vertices);
     void link(const VkGraphicsPipelineCreateInfo &whole);
     void render(VkCommandBuffer commands, const std::function<void()> &drawing) const;
     void recordDraw(VkCommandBuffer commands) const;
