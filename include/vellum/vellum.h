@@ -161,7 +161,7 @@ typedef enum VellumMicromapFormat {
 //
 // u and v of vertex i are at byte i * uvStride of `uvs`. Triangle t has the vertices 3 t, 3 t + 1 and 3 t + 2, or,
 // with indices, the vertices that indices 3 t, 3 t + 1 and 3 t + 2 select. Neither needs alignment. All texture
-// coordinates are allowed: a triangle with coordinates that are not finite, or more than 2^24 texels from the origin,
+// coordinates are allowed: a triangle with coordinates that are not finite, or 2^24 texels and more from the origin,
 // is unknown; one without area is treated as the segment or point that it is.
 typedef struct VellumBakeInput {
     size_t structSize;
@@ -219,7 +219,7 @@ typedef enum VellumBakeFlagBits {
 // Describes an error in one sentence, in English and UTF-8; the string is valid during the call. Called at most once,
 // on the thread that called vellumBake(), before that returns `result`.
 typedef void(VELLUM_CALL *VellumMessageCallback)(void *userData, VellumResult result, const char *message);
-// Reports progress: `done` of `total` triangles (with a budget, each counts twice). Called a few hundred times at most,
+// Reports progress: `done` of `total` triangles (with a budget, each counts twice in vellumBake()). Called a few hundred times at most,
 // on any thread, but never on two at the same time. A result other than 0 cancels the bake.
 typedef int(VELLUM_CALL *VellumProgressCallback)(void *userData, uint64_t done, uint64_t total);
 // Returns other than 0 to cancel the bake. Called between triangles and inside large ones, on several threads at the

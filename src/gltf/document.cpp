@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gltf/document.h"
 
+#include "base/text.h"
 #include "core/utf8_path.h"
 #include "gltf/file/uri.h"
-#include "base/text.h"
 
 namespace vellum
 {
@@ -26,7 +26,10 @@ Document::Document(const std::filesystem::path &path) : path_(path)
 
 Document::Document(const std::filesystem::path &path, std::vector<uint8_t> bytes) : path_(path)
 {
-    read([&] { return std::move(bytes); });
+    read([&] {
+        checkSize(bytes.size());
+        return std::move(bytes);
+    });
 }
 
 std::span<const uint8_t> Document::otherChunks() const

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cstdio>
+#include <limits>
 #include <utility>
 
 #include "base/text.h"
@@ -132,6 +133,13 @@ std::string materialName(const gltf_json::Model &model, size_t material)
     return name.empty() ? std::to_string(material) : name;
 }
 
+// The conversion of a number out of a float's range is undefined.
+static float nearest(double value)
+{
+    constexpr double kMost = std::numeric_limits<float>::max();
+    return static_cast<float>(std::clamp(value, -kMost, kMost));
+}
+
 Material readMaterial(const Document &document, int index)
 {
     Material material;
@@ -145,12 +153,12 @@ Material readMaterial(const Document &document, int index)
         material.name = shownName(materialName(model, static_cast<size_t>(index)));
         if (source.alphaMode == "MASK") {
             material.alphaMode = AlphaMode::Mask;
-            material.alphaCutoff = static_cast<float>(source.alphaCutoff);
+            material.alphaCutoff = nearest(source.alphaCutoff);
         } else if (source.alphaMode == "BLEND") {
             material.alphaMode = AlphaMode::Blend;
         }
         for (size_t i = 0; i < 4 && i < source.baseColorFactor.size(); ++i)
-            material.baseColor[i] = static_cast<float>(source.baseColorFactor[i]);
+            material.baseColor[i] = nearest(source.baseColorFactor[i]);
         if (source.baseColorTexture >= 0)
             readTexture(model, source, material);
         return material;

@@ -106,6 +106,29 @@ TEST(GltfCompressed, Draco)
     }
 }
 
+// Without indices, readers of micromaps count triangles by positions, of which compressed data has fewer.
+TEST(GltfCompressed, DracoWithoutIndicesIsNotBaked)
+{
+    const Bytes encoded = dracoTriangles(kPositions, kUvs, false);
+    for (const auto &[count, micromaps] : {std::pair("4", 0u), std::pair("6", 1u)}) {
+        std::string json = dracoJson(encoded.size());
+        const auto replace = [&](const std::string &from, const std::string &to) {
+            ASSERT_NE(json.find(from), std::string::npos);
+            json.replace(json.find(from), from.size(), to);
+        };
+        replace("\"indices\": 2, ", "");
+        replace(R"("count": 6, "type": "VEC3")", std::string("\"count\": ") + count + ", \"type\": \"VEC3\"");
+        replace(
+            R"("materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}])",
+            R"("materials": [{"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.75]}}])");
+        const TemporaryFolder folder;
+        writeFile(folder / "test.glb", packGlb(json, encoded));
+        const DocumentBake bake = bakeDocument(Document(folder / "test.glb"), {});
+        EXPECT_EQ(bake.micromaps.size(), micromaps) << count;
+        EXPECT_EQ(bake.skipped.size(), 1 - micromaps) << count;
+    }
+}
+
 // Attributes that move vertices (JOINTS_0, WEIGHTS_0) are compressed as well.
 TEST(GltfCompressed, EveryAttributeOfDraco)
 {

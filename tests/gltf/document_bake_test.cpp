@@ -567,6 +567,24 @@ TEST(DocumentBake, ReadsAnImageOnceForAllMaterials)
     }
 }
 
+// Many small micromaps do not report more often than a large one.
+TEST(DocumentBake, ReportsProgressAFewHundredTimes)
+{
+    const TemporaryFolder folder;
+    writeCards(folder / "tree.gltf", 700);
+    DocumentBakeOptions options = optionsOf();
+    size_t calls = 0, last = 0;
+    options.bake.progress = [&](size_t done, size_t total) {
+        ++calls;
+        EXPECT_GE(done, last);
+        EXPECT_EQ(total, 1400u);
+        last = done;
+    };
+    ASSERT_EQ(bakeDocument(Document(folder / "tree.gltf"), options).micromaps.size(), 700u);
+    EXPECT_EQ(last, 1400u);
+    EXPECT_LE(calls, 258u);
+}
+
 // Primitives that share their indices.
 TEST(DocumentBake, TakesNoMoreTrianglesThanAFileCanHave)
 {

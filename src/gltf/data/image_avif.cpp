@@ -232,6 +232,8 @@ void takeAlpha(const avifImage &from, Image &image)
 Image readAvif(Encoded encoded, const std::string &what)
 {
     const auto check = [&](avifResult result) {
+        if (result == AVIF_RESULT_OUT_OF_MEMORY)
+            throw std::bad_alloc();
         if (result != AVIF_RESULT_OK)
             failToDecode(what, avifResultToString(result)); // not the decoder's diagnosis, which has bytes of the file
     };

@@ -24,8 +24,10 @@ public:
     {
         png_ = png_create_read_struct(PNG_LIBPNG_VER_STRING, this, onError, onWarning);
         info_ = png_ == nullptr ? nullptr : png_create_info_struct(png_);
-        if (info_ == nullptr)
+        if (info_ == nullptr) {
+            png_destroy_read_struct(&png_, nullptr, nullptr);
             throw std::bad_alloc();
+        }
     }
     ~PngReader() { png_destroy_read_struct(&png_, &info_, nullptr); }
     PngReader(const PngReader &) = delete;
@@ -118,22 +120,29 @@ public:
     Image read()
     {
         if (!readHeader())
-            failToDecode(what_, message_.data());
+            fail();
         Image image = imageOf(jpeg_.image_width, jpeg_.image_height, encoded_, what_);
         image.rgba.resize(size_t{4} * image.width * image.height);
         if (!readRows(image.rgba.data(), size_t{4} * image.width))
-            failToDecode(what_, message_.data());
+            fail();
         if (cutOff_)
             failToDecode(what_, "it is cut off");
         return image;
     }
 
 private:
+    [[noreturn]] void fail() const
+    {
+        if (lacksMemory_)
+            throw std::bad_alloc();
+        failToDecode(what_, message_.data());
+    }
     static JpegReader &readerOf(j_common_ptr jpeg) { return *static_cast<JpegReader *>(jpeg->client_data); }
     static void onError(j_common_ptr jpeg)
     {
         JpegReader &reader = readerOf(jpeg);
         jpeg->err->format_message(jpeg, reader.message_.data());
+        reader.lacksMemory_ = jpeg->err->msg_code == JERR_OUT_OF_MEMORY;
         longjmp(reader.return_, 1);
     }
     // Files with warnings can be read, except those that end too early.
@@ -170,7 +179,7 @@ private:
     jpeg_error_mgr errors_{};
     jmp_buf return_{};
     std::array<char, JMSG_LENGTH_MAX> message_{};
-    bool cutOff_ = false;
+    bool cutOff_ = false, lacksMemory_ = false;
     Encoded encoded_;
     const std::string &what_;
 };

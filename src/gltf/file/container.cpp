@@ -102,7 +102,7 @@ void checkStructure(std::string_view text)
 Container readJson(const std::filesystem::path &path)
 {
     InputFile file(path);
-    checkSize(file);
+    checkSize(file.size());
     std::vector<uint8_t> start(kJsonOffset);
     start.resize(file.read(start));
     if (!isGlb(start))

@@ -159,7 +159,7 @@ bool isIn(const std::filesystem::path &file, const std::filesystem::path &folder
 
 std::vector<uint8_t> readAll(InputFile &file)
 {
-    checkSize(file);
+    checkSize(file.size());
     std::vector<uint8_t> bytes(static_cast<size_t>(file.size()));
     if (file.read(bytes) != bytes.size())
         throw GltfError("cannot be read");
@@ -168,10 +168,10 @@ std::vector<uint8_t> readAll(InputFile &file)
 
 } // namespace
 
-void checkSize(const InputFile &file)
+void checkSize(uint64_t bytes)
 {
     constexpr uint64_t kMostBytes = 0x7fffffff;
-    if (file.size() > kMostBytes)
+    if (bytes > kMostBytes)
         throw GltfError("larger than 2 GiB");
 }
 

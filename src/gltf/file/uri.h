@@ -39,7 +39,7 @@ std::vector<std::filesystem::path> namedFiles(const JsonValue &root);
 std::vector<uint8_t> readWholeFile(const std::filesystem::path &path);
 
 // Throws GltfError for a file of more than 2 GiB.
-void checkSize(const InputFile &file);
+void checkSize(uint64_t bytes);
 
 // The file that a URI means, relative to `folder`, whether it is there or not. Throws GltfUnsupported for a URI that is
 // not a path below that folder: a file that was found somewhere should not be able to name any other on the machine.

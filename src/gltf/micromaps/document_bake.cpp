@@ -118,6 +118,7 @@ private:
     [[nodiscard]] BakeOptions optionsFor(std::span<const Source> sources) const;
     std::optional<Digest> keyOf(std::span<const Source> sources);
     [[nodiscard]] std::optional<Micromap> cached(std::span<const Source> sources, const Digest &key) const;
+    void report(size_t done);
     Micromap bakeRead(std::span<Source> sources);
     void bakeSources(std::span<Source> sources);
     // Returns the indices that are left for the next source.
@@ -142,7 +143,8 @@ private:
     std::map<int, Material> materials_;
     std::map<int, Digest> imageKeys_;
     size_t mostTriangles_ = kMostTriangles;
-    size_t total_ = 0; // triangles; from then on those to bake
+    size_t total_ = 0;    // triangles; from then on those to bake
+    size_t reported_ = 0; // the last part of kProgressParts that was
     size_t done_ = 0;
 };
 
@@ -254,8 +256,9 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     total_ += primitive.triangleCount();
     if (total_ > mostTriangles_)
         throw GltfError("it has more than " + std::to_string(mostTriangles_) + " alpha-tested triangles");
-    const size_t declared =
-        source.indices < 0 ? primitive.indices.size() : model.accessors.at(static_cast<size_t>(source.indices)).count;
+    // As readers of the extension count them (ExtensionReader::triangleCount).
+    const size_t declared = source.indices < 0 ? accessorCount(model, source.attribute("POSITION"), "POSITION")
+                                               : accessorCount(model, source.indices, "indices");
     if (draco && declared / 3 != primitive.triangleCount())
         return skip(place, material.name, SkipReason::AmbiguousTriangles,
                     "it has " + std::to_string(declared / 3) + " triangles by its indices, and " +
@@ -545,6 +548,17 @@ std::optional<Micromap> DocumentBaker::cached(std::span<const Source> sources, c
     return value ? micromapOf(*value, key, triangleCount(sources)) : std::nullopt;
 }
 
+// Of all micromaps together, so that many small ones do not report more often than a large one.
+void DocumentBaker::report(size_t done)
+{
+    constexpr size_t kProgressParts = 256;
+    const size_t part = done * kProgressParts / std::max<size_t>(total_, 1);
+    if (!options_.bake.progress || (part == reported_ && done != total_))
+        return;
+    reported_ = part;
+    options_.bake.progress(done, total_);
+}
+
 // Reads the textures and bakes the sources that have one then.
 Micromap DocumentBaker::bakeRead(std::span<Source> sources)
 {
@@ -555,7 +569,7 @@ Micromap DocumentBaker::bakeRead(std::span<Source> sources)
     if (options.progress)
         options.progress = [&](size_t done, size_t total) {
             const double share = total == 0 ? 1 : static_cast<double>(done) / static_cast<double>(total);
-            options_.bake.progress(done_ + static_cast<size_t>(share * static_cast<double>(triangles)), total_);
+            report(done_ + static_cast<size_t>(share * static_cast<double>(triangles)));
         };
     try {
         return vellum::bake(inputsOf(sources), options).micromap;
@@ -570,8 +584,7 @@ void DocumentBaker::bakeSources(std::span<Source> sources)
     std::optional<Micromap> micromap = key ? cached(sources, *key) : std::nullopt;
     if (micromap) {
         ++result_.cacheHits;
-        if (options_.bake.progress)
-            options_.bake.progress(done_ + triangleCount(sources), total_);
+        report(done_ + triangleCount(sources));
     } else {
         micromap = bakeRead(sources);
         const bool whole = std::none_of(sources.begin(), sources.end(), [](const Source &s) { return s.unreadable; });

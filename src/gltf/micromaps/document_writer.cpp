@@ -313,7 +313,7 @@ void Writer::assemble(RewrittenFile &result)
         binary = first->data;
         rest = first->rest;
     }
-    std::vector<uint8_t> between(dataBegin_ - binary.size());
+    std::vector<uint8_t> between(grows ? dataBegin_ - binary.size() : 0);
     padTo(data_, 4);
     const uint64_t chunk = grows ? dataBegin_ + data_.size() : 0;
     const uint64_t total =
