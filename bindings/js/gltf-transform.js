@@ -408,9 +408,13 @@ function bakeInput(json, primitives, textures) {
     return images[source]?.mimeType === 'image/png' ? { source, sampler } : { ...texture, sampler, extensions };
   };
   const meshes = primitives.map(({ place, def, geometry }) => {
-    accessors.push({ componentType: 5126, count: geometry.vertices, type: 'VEC3' });
-    const attributes = { POSITION: accessors.length - 1 };
+    const attributes = {};
     for (const [semantic, attribute] of Object.entries(geometry.attributes)) attributes[semantic] = addAccessor(attribute);
+    // Positions are not read. They are there for the number of vertices where nothing else has it.
+    if (Object.keys(attributes).length === 0) {
+      accessors.push({ componentType: 5126, count: geometry.vertices, type: 'VEC3' });
+      attributes.POSITION = accessors.length - 1;
+    }
     const indices = addAccessor({ array: Uint32Array.from(geometry.indices), type: 'SCALAR', componentType: 5125 });
     return { name: place.name, primitives: [{ attributes, indices, material: def.material }] };
   });
@@ -506,7 +510,8 @@ function readIndices(def, json, bufferViews, triangles, records) {
   } else {
     const accessor = listOf(json.accessors)[def.micromapIndices] ?? fail(`"micromapIndices": accessor ${def.micromapIndices} does not exist`);
     const { componentType, type, count } = accessor;
-    if (type !== 'SCALAR' || componentType === 5126) fail('"micromapIndices": it is not a scalar of integers');
+    if (type !== 'SCALAR' || ![5121, 5122, 5123, 5124, 5125].includes(componentType) || accessor.normalized)
+      fail('"micromapIndices": it is not a scalar of integers that are not normalized, of component type 5121 to 5125');
     if (count !== triangles) fail(`"micromapIndices" has ${count} elements for ${triangles} triangles`);
     indices = elementsOf(accessor, json, bufferViews);
   }

@@ -349,6 +349,21 @@ async function tests() {
     assert(warnings.every((line) => /has no micromap: .*image/.test(line)), warnings[0]);
   });
 
+  test('more vertices than a list of zeros may have', async () => {
+    const document = await io.readBinary(models['mixture 1']);
+    const [buffer] = document.getRoot().listBuffers();
+    const primitive = primitivesOf(document).find((each) => each.getMaterial()?.getAlphaMode() === 'MASK' && each.getAttribute('TEXCOORD_0'));
+    const count = 2 ** 22 + 1;
+    for (const attribute of primitive.listAttributes()) {
+      const array = new (attribute.getArray().constructor)(count * attribute.getElementSize());
+      array.set(attribute.getArray());
+      primitive.setAttribute(primitive.listSemantics().find((semantic) => primitive.getAttribute(semantic) === attribute),
+        document.createAccessor().setBuffer(buffer).setType(attribute.getType()).setNormalized(attribute.getNormalized()).setArray(array));
+    }
+    await document.transform(omm({ vellum, ...kOptions }));
+    assert(primitive.getExtension(NAME)?.getMicromap(), 'no micromap');
+  });
+
   test('accessors without a buffer', async () => {
     for (const semantic of ['TEXCOORD_0', 'COLOR_0']) {
       const document = await baked('mixture 1');
@@ -623,6 +638,8 @@ async function tests() {
       ...huge.map((value) => (json) => (indicesOf(json).bufferView = value)),
       ...huge.map((value) => (json) => (indicesOf(json).byteOffset = value ?? 'x')),
       ...huge.map((value) => (json) => (indicesOf(json).componentType = value)),
+      (json) => (indicesOf(json).componentType = 5120),
+      (json) => (indicesOf(json).normalized = true),
       ...huge.map((value) => (json) => (indicesOf(json).count = value)),
       ...huge.map((value) => (json) => (indicesOf(json).type = value)),
       ...huge.map((value) => (json) => (indicesOf(json).sparse = value ?? 'x')),
