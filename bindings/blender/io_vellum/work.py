@@ -138,7 +138,7 @@ def preview(context, size):
         baked, report = vellum.bake_gltf(data, **options(context.scene.vellum))
         pictures = states.draw_states(states.Scene(data), vellum.read_gltf(baked), size)
     if not pictures:
-        raise _nothing(report)
+        raise _nothing(report) if not report.primitive_count else Problem("No baked material has an image to show the states of")
     images = {name: _image_of(name, picture) for name, (_, picture) in pictures.items()}
     collection = bpy.data.collections.new(PREVIEW)
     collection[_SOURCE] = True
