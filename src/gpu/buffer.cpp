@@ -90,6 +90,7 @@ void Buffer::swap(Buffer &other) noexcept
     std::swap(gpu_, other.gpu_);
     std::swap(buffer_, other.buffer_);
     std::swap(memory_, other.memory_);
+    std::swap(begin_, other.begin_);
     std::swap(piece_, other.piece_);
     std::swap(size_, other.size_);
     std::swap(address_, other.address_);
