@@ -567,6 +567,18 @@ TEST(DocumentBake, ReadsAnImageOnceForAllMaterials)
     }
 }
 
+// Readers of micromaps count triangles by indices or positions.
+TEST(DocumentBake, SkipsTrianglesThatNothingCounts)
+{
+    const TemporaryFolder folder;
+    writeCardGltf(folder / "card.gltf", discPng(),
+                  {{kCardPrimitive, R"({"attributes": {"TEXCOORD_0": 1}, "material": 0})"}});
+    const DocumentBake bake = bakeDocument(Document(folder / "card.gltf"), optionsOf());
+    EXPECT_TRUE(bake.micromaps.empty());
+    ASSERT_FALSE(bake.skipped.empty());
+    EXPECT_EQ(bake.skipped[0].code, SkipReason::NoTriangles);
+}
+
 // Many small micromaps do not report more often than a large one.
 TEST(DocumentBake, ReportsProgressAFewHundredTimes)
 {

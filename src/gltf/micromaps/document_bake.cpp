@@ -257,6 +257,8 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     if (total_ > mostTriangles_)
         throw GltfError("it has more than " + std::to_string(mostTriangles_) + " alpha-tested triangles");
     // As readers of the extension count them (ExtensionReader::triangleCount).
+    if (source.indices < 0 && source.attribute("POSITION") < 0)
+        return skip(place, material.name, SkipReason::NoTriangles, "it has neither indices nor positions");
     const size_t declared = source.indices < 0 ? accessorCount(model, source.attribute("POSITION"), "POSITION")
                                                : accessorCount(model, source.indices, "indices");
     if (draco && declared / 3 != primitive.triangleCount())
