@@ -219,8 +219,8 @@ typedef enum VellumBakeFlagBits {
 // Describes an error in one sentence, in English and UTF-8; the string is valid during the call. Called at most once,
 // on the thread that called vellumBake(), before that returns `result`.
 typedef void(VELLUM_CALL *VellumMessageCallback)(void *userData, VellumResult result, const char *message);
-// Reports progress: `done` of `total` triangles (with a budget, each counts twice in vellumBake()). Called a few hundred times at most,
-// on any thread, but never on two at the same time. A result other than 0 cancels the bake.
+// Reports progress: `done` of `total` triangles (with a budget, each counts twice in vellumBake()). Called a few hundred
+// times at most, on any thread, but never on two at the same time. A result other than 0 cancels the bake.
 typedef int(VELLUM_CALL *VellumProgressCallback)(void *userData, uint64_t done, uint64_t total);
 // Returns other than 0 to cancel the bake. Called between triangles and inside large ones, on several threads at the
 // same time; it should cost no more than reading an atomic variable.

@@ -13,19 +13,17 @@ Buffer::Buffer(Device &gpu, VkDeviceSize size, VkBufferUsageFlags usage, Place p
     CHECK_VK(vkCreateBuffer(gpu.device(), &info, nullptr, &buffer_));
 
     const bool addressed = (usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0;
+    VkMemoryRequirements needs;
+    vkGetBufferMemoryRequirements(gpu.device(), buffer_, &needs);
+    // Offsets of structures in their buffers are multiples of 256, and so are addresses of micromaps
+    // (VUID-VkAccelerationStructureCreateInfoKHR-offset-03734).
+    needs.alignment = std::max<VkDeviceSize>(needs.alignment, 256);
     if (place == Place::Device) {
-        VkMemoryRequirements needs;
-        vkGetBufferMemoryRequirements(gpu.device(), buffer_, &needs);
-        // Offsets of structures in their buffers are multiples of 256, and so are addresses of micromaps
-        // (VUID-VkAccelerationStructureCreateInfoKHR-offset-03734).
-        needs.alignment = std::max<VkDeviceSize>(needs.alignment, 256);
         piece_ = gpu.deviceMemory().allocate(
             needs, gpu.memoryType(needs.memoryTypeBits, 0, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT));
         CHECK_VK(vkBindBufferMemory(gpu.device(), buffer_, piece_.memory, piece_.offset));
     } else {
-        VkMemoryRequirements needs;
-        vkGetBufferMemoryRequirements(gpu.device(), buffer_, &needs);
-        begin_ = std::max<VkDeviceSize>(needs.alignment, 256);
+        begin_ = needs.alignment;
         needs.size += begin_;
         memory_ =
             gpu.allocate(needs, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT, addressed);

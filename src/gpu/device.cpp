@@ -6,6 +6,7 @@
 
 #include "gpu/arena.h"
 #include "gpu/execution_mode.h"
+#include "gpu/launch.h"
 #include "gpu/vertex_format.h"
 
 namespace vellum::gpu
@@ -468,6 +469,7 @@ void Device::createDevice()
     micromapHostCommands_ = micromaps.micromapHostCommands != VK_FALSE;
     variableTextureIndices_ = vulkan12.shaderSampledImageArrayNonUniformIndexing != VK_FALSE;
     hostQueryReset_ = vulkan12.hostQueryReset != VK_FALSE;
+    countedDraws_ = vulkan12.drawIndirectCount != VK_FALSE && limits_.maxDrawIndirectCount >= LaunchPlan::kMostDraws;
     synchronization2_ = vulkan13.synchronization2 != VK_FALSE;
     indirectTraces_ = {pipelines.rayTracingPipelineTraceRaysIndirect != VK_FALSE,
                        maintenance.rayTracingPipelineTraceRaysIndirect2 != VK_FALSE};

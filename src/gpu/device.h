@@ -315,6 +315,8 @@ public:
     [[nodiscard]] bool hasMicromapHostCommands() const { return micromapHostCommands_; }
     [[nodiscard]] bool hasSynchronization2() const { return synchronization2_; } // of Vulkan 1.3
     [[nodiscard]] bool hasHostQueryReset() const { return hostQueryReset_; }
+    // Draws may read how many they are, up to LaunchPlan::kMostDraws.
+    [[nodiscard]] bool hasCountedDraws() const { return countedDraws_; }
     [[nodiscard]] bool hasIndirectTraces() const { return indirectTraces_[0]; } // vkCmdTraceRaysIndirectKHR
     [[nodiscard]] bool hasIndirectTraces2() const { return indirectTraces_[1]; }
     [[nodiscard]] bool hasPrimitiveCulling() const { return primitiveCulling_; } // rayTraversalPrimitiveCulling
@@ -428,7 +430,8 @@ private:
     uint32_t scratchAlignment_ = 0;
     std::vector<KnownFault> knownFaults_;
     bool lavapipe26_ = false;
-    bool indirectBuilds_ = false, micromapHostCommands_ = false, hostQueryReset_ = false, synchronization2_ = false;
+    bool indirectBuilds_ = false, micromapHostCommands_ = false, hostQueryReset_ = false, countedDraws_ = false,
+         synchronization2_ = false;
     std::array<bool, 2> indirectTraces_{};
     bool primitiveCulling_ = false, variableTextureIndices_ = false;
     std::array<uint32_t, 3> maxLevels_{};

@@ -15,6 +15,8 @@ namespace vellum::gpu
 enum class Launch { Direct, Indirect, Indirect2 };
 
 struct LaunchPlan {
+    static constexpr uint32_t kMostDraws = 3; // of a command that reads their number
+
     Launch command = Launch::Direct;
     uint32_t height = 1, depth = 1; // of traces: the width is what the rays then need
     uint32_t offset = 0;            // words before the parameters of an indirect command

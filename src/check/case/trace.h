@@ -33,9 +33,6 @@ std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan);
 // enabled, the SkipTrianglesKHR and SkipAABBsKHR ray flags can be specified" (Ray Primitive Culling).
 bool skipsPrimitives(const Device &gpu);
 
-// Returns whether draws may read how many they are, of at least three.
-bool countsDraws(const Device &gpu);
-
 // Returns whether the ray queries of the plan have the execution mode OpacityMicromapIdKHR.
 bool consumesMicromaps(const TracePlan &plan);
 

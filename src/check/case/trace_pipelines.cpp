@@ -338,14 +338,6 @@ std::vector<uint32_t> stagesOfGroup(uint32_t group)
     }
 }
 
-bool countsDraws(const Device &gpu)
-{
-    auto vulkan12 = vkInit<VkPhysicalDeviceVulkan12Features>();
-    auto features = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &vulkan12});
-    vkGetPhysicalDeviceFeatures2(gpu.physical(), &features);
-    return vulkan12.drawIndirectCount != VK_FALSE && gpu.limits().maxDrawIndirectCount >= 3;
-}
-
 std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
 {
     const bool pipeline = plan.method == TracePlan::Method::Pipeline;
@@ -368,7 +360,7 @@ std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
             return missing;
         if (traces && !hasLaunch(gpu, plan.launch.command, missing))
             return missing;
-        if (plan.launch.counted && !countsDraws(gpu))
+        if (plan.launch.counted && !gpu.hasCountedDraws())
             return "drawIndirectCount is not supported";
         if (plan.mode != TracePlan::Mode::True && !(gpu.khr() && usesMicromaps(gpu)))
             return "the execution mode is part of VK_KHR_opacity_micromap";

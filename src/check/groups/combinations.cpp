@@ -36,17 +36,6 @@ void takeSome(Random &random, Case &c, Plan &plan, const Plan &other, uint32_t p
     fields::of(take, plan);
 }
 
-// Returns whether the change, which is made if it can be, leaves the case valid.
-bool change(Case &c, const auto &by)
-{
-    Case changed = c;
-    by(changed);
-    if (!invalid(changed).empty())
-        return false;
-    c = std::move(changed);
-    return true;
-}
-
 // Ray flags as the source that the plan has for them needs: few different ones, unless they are of run time.
 void fitRayFlags(Random &random, Case &c)
 {
@@ -64,9 +53,9 @@ void fitRayFlags(Random &random, Case &c)
     };
     // Flags at random may be those that the pipeline's flags exclude.
     for (int attempt = 0; attempt < 8; ++attempt)
-        if (change(c, fit))
+        if (changeIfValid(c, fit))
             return;
-    change(c, [](Case &changed) { changed.trace.flags = Flags::RunTime; });
+    changeIfValid(c, [](Case &changed) { changed.trace.flags = Flags::RunTime; });
 }
 
 bool usesHost(const Case &c)
@@ -93,18 +82,18 @@ Case combinations(Random &random, const DeviceLimits &limits)
     const Case other = madeByOther();
     takeSome(random, c, c.build, other.build, 50);
     if (chance(random, 50))
-        change(c, [&](Case &changed) { changed.memory = other.memory; });
+        changeIfValid(c, [&](Case &changed) { changed.memory = other.memory; });
     constexpr size_t kMostRays = 96;
     if (c.scene.rays.size() > kMostRays)
         c.scene.rays.resize(kMostRays);
 
     const std::span<const MakeCase> tracers = limits.pipelines && chance(random, 60) ? pipelineMakers() : queryMakers();
     const Case traced = makeOf(tracers), otherTraced = makeOf(tracers);
-    change(c, [&](Case &changed) { changed.trace.method = traced.trace.method; });
+    changeIfValid(c, [&](Case &changed) { changed.trace.method = traced.trace.method; });
     if (c.trace.method == Method::Pipeline) {
         terminateSome(random, c.scene);
         if (chance(random, 60))
-            change(c, [&](Case &changed) {
+            changeIfValid(c, [&](Case &changed) {
                 changed.trace.pipeline.parameters = traced.trace.pipeline.parameters;
                 changed.trace.pipeline.table.misses = changed.trace.pipeline.parameters.missIndex + 1;
                 setRecords(random, changed);
@@ -113,9 +102,9 @@ Case combinations(Random &random, const DeviceLimits &limits)
     for (const Case *of : {&other, &otherTraced, &traced})
         takeSome(random, c, c.trace, of->trace, 60);
     if (limits.countedDraws && chance(random, 50)) // few cases draw
-        change(c, [](Case &changed) { changed.trace.launch.counted = true; });
+        changeIfValid(c, [](Case &changed) { changed.trace.launch.counted = true; });
     if (chance(random, 50))
-        change(c, [](Case &changed) { changed.trace.dynamicStrides = true; });
+        changeIfValid(c, [](Case &changed) { changed.trace.dynamicStrides = true; });
     fitRayFlags(random, c);
     // Scenes with micromaps: sceneRule
     c.trace.withoutMicromaps = false;

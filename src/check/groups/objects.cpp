@@ -90,16 +90,16 @@ Case serialization(Random &random, const DeviceLimits &limits)
     Case c = withSteps(random, limits, kinds, 3);
     // Micromaps with data of the same size, whose states differ.
     if (!c.scene.micromaps.empty() && chance(random, 40)) {
-        const std::vector<oracle::SceneMicromap> before = c.scene.micromaps;
         const auto longest =
-            std::ranges::max(before, {}, [](const auto &micromap) { return micromap.triangles.size(); });
-        for (oracle::SceneMicromap &micromap : c.scene.micromaps) {
-            micromap.triangles = longest.triangles;
-            for (oracle::MicromapTriangle &triangle : micromap.triangles)
-                triangle = oracle::mixedTriangle(random, triangle.level, triangle.format);
-        }
-        if (!invalid(c).empty()) // a step gives a micromap states of the size of before
-            c.scene.micromaps = before;
+            std::ranges::max(c.scene.micromaps, {}, [](const auto &micromap) { return micromap.triangles.size(); });
+        // Invalid where a step gives a micromap states of the size of before.
+        changeIfValid(c, [&](Case &changed) {
+            for (oracle::SceneMicromap &micromap : changed.scene.micromaps) {
+                micromap.triangles = longest.triangles;
+                for (oracle::MicromapTriangle &triangle : micromap.triangles)
+                    triangle = oracle::mixedTriangle(random, triangle.level, triangle.format);
+            }
+        });
     }
     return c;
 }

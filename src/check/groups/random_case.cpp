@@ -155,7 +155,7 @@ DeviceLimits limitsOf(const Device &gpu)
             .maintenance = gpu.has(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME),
             .maintenance6 = gpu.has("VK_KHR_maintenance6"),
             .shaderObjects = gpu.has("VK_EXT_shader_object"),
-            .countedDraws = countsDraws(gpu),
+            .countedDraws = gpu.hasCountedDraws(),
             .chained = uint32_t{kChainFlagsFirst} |
                        (gpu.has(VK_EXT_PIPELINE_CREATION_FEEDBACK_EXTENSION_NAME) ? uint32_t{kChainFeedback} : 0) |
                        (gpu.has(VK_EXT_PIPELINE_ROBUSTNESS_EXTENSION_NAME) ? uint32_t{kChainRobustness} : 0),
@@ -513,11 +513,10 @@ void setRecords(Random &random, Case &c)
 
 void skipNothing(Case &c)
 {
-    std::vector<Ray> before = c.scene.rays;
-    for (Ray &ray : c.scene.rays)
-        ray.flags &= ~(kRaySkipTriangles | kRaySkipBoxes);
-    if (!invalid(c).empty())
-        c.scene.rays = std::move(before);
+    changeIfValid(c, [](Case &changed) {
+        for (Ray &ray : changed.scene.rays)
+            ray.flags &= ~(kRaySkipTriangles | kRaySkipBoxes);
+    });
 }
 
 Outcome runRandomCase(Session &session, std::string_view group, uint64_t seed, MakeCase make)

@@ -108,6 +108,17 @@ Case combinations(Random &random, const DeviceLimits &limits);
 // Random commands that copy, update and fill memory at device addresses.
 AddressPlan randomAddressCopies(Random &random);
 
+// Changes the case by a function, if that leaves it valid. Returns whether it does.
+bool changeIfValid(Case &c, const auto &change)
+{
+    Case changed = c;
+    change(changed);
+    if (!invalid(changed).empty())
+        return false;
+    c = std::move(changed);
+    return true;
+}
+
 // Runs a case, and makes it smaller if it fails, for at most that many seconds.
 Outcome runAndShrink(Session &session, const Case &c, double seconds);
 // Runs a random case as above.

@@ -239,10 +239,8 @@ Case stages(Random &random, const DeviceLimits &limits)
     c.trace.launch.offset = chance(random, 50) ? below(random, 70) : 0;
     selectFlags(random, c, 30);
     computeMode(random, c.trace.mode);
-    if (c.trace.launch.command != Launch::Direct && limits.countedDraws && chance(random, 50)) {
-        c.trace.launch.counted = true;
-        c.trace.launch.counted = invalid(c).empty(); // it is a draw
-    }
+    if (c.trace.launch.command != Launch::Direct && limits.countedDraws && chance(random, 50))
+        changeIfValid(c, [](Case &changed) { changed.trace.launch.counted = true; }); // it is a draw
     // One of many stages, so that few cases would have it.
     c.trace.vertexBuffers = limits.addressCommands() && chance(random, 12);
     if (c.trace.vertexBuffers) {

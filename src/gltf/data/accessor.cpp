@@ -373,4 +373,14 @@ size_t accessorCount(const gltf_json::Model &model, int accessor, const std::str
     return accessorAt(model, accessor, what).count;
 }
 
+std::optional<size_t> declaredTriangles(const gltf_json::Model &model, const gltf_json::Primitive &primitive)
+{
+    if (primitive.indices >= 0)
+        return accessorCount(model, primitive.indices, "indices") / 3;
+    const int positions = primitive.attribute("POSITION");
+    if (positions < 0)
+        return std::nullopt;
+    return accessorCount(model, positions, "POSITION") / 3;
+}
+
 } // namespace vellum

@@ -90,4 +90,8 @@ size_t countElements(const BufferViews &views, int accessor, const std::string &
 // The number of elements that the accessor states.
 size_t accessorCount(const gltf_json::Model &model, int accessor, const std::string &what);
 
+// The number of triangles of a primitive of mode 4 by what its indices state, or its positions where it has none;
+// nothing if it has neither. Compressed data may have others.
+std::optional<size_t> declaredTriangles(const gltf_json::Model &model, const gltf_json::Primitive &primitive);
+
 } // namespace vellum

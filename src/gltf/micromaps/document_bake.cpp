@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "base/text.h"
+#include "gltf/data/accessor.h"
 #include "gltf/micromaps/changing_alpha.h"
 #include "gltf/primitive.h"
 
@@ -256,14 +257,13 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     total_ += primitive.triangleCount();
     if (total_ > mostTriangles_)
         throw GltfError("it has more than " + std::to_string(mostTriangles_) + " alpha-tested triangles");
-    // As readers of the extension count them (ExtensionReader::triangleCount).
-    if (source.indices < 0 && source.attribute("POSITION") < 0)
+    // Readers of the extension count these.
+    const std::optional<size_t> declared = declaredTriangles(model, source);
+    if (!declared)
         return skip(place, material.name, SkipReason::NoTriangles, "it has neither indices nor positions");
-    const size_t declared = source.indices < 0 ? accessorCount(model, source.attribute("POSITION"), "POSITION")
-                                               : accessorCount(model, source.indices, "indices");
-    if (draco && declared / 3 != primitive.triangleCount())
+    if (draco && *declared != primitive.triangleCount())
         return skip(place, material.name, SkipReason::AmbiguousTriangles,
-                    "it has " + std::to_string(declared / 3) + " triangles by its indices, and " +
+                    "it has " + std::to_string(*declared) + " triangles by its indices, and " +
                         std::to_string(primitive.triangleCount()) + " by KHR_draco_mesh_compression");
     addTriangles(sourceOf(material), primitive);
     BakedPrimitive &baked = result_.primitives.back();

@@ -435,12 +435,11 @@ void ExtensionReader::readPrimitive(PrimitivePlace place, const JsonValue &exten
 uint64_t ExtensionReader::triangleCount(PrimitivePlace place)
 {
     const gltf_json::Model &model = document_.model();
-    const gltf_json::Primitive &primitive = model.meshes[place.mesh].primitives[place.primitive];
-    if (primitive.indices >= 0)
-        return accessorCount(model, primitive.indices, "indices") / 3;
-    if (primitive.attribute("POSITION") < 0)
+    const std::optional<size_t> declared =
+        declaredTriangles(model, model.meshes[place.mesh].primitives[place.primitive]);
+    if (!declared)
         fail("it has no positions");
-    return accessorCount(model, primitive.attribute("POSITION"), "POSITION") / 3;
+    return *declared;
 }
 
 std::vector<int32_t> ExtensionReader::readIndices(int64_t index, uint64_t triangles)

@@ -14,7 +14,7 @@ constexpr VkFormat kFormat = VK_FORMAT_R8G8B8A8_UNORM;
 // Of the vertex buffers
 constexpr uint32_t kFirstBinding = 1;
 constexpr std::array<uint32_t, 2> kVertexStrides{4, 12};
-constexpr uint32_t kMostDraws = 3; // of a command that reads their number
+constexpr uint32_t kMostDraws = LaunchPlan::kMostDraws;
 
 } // namespace
 
